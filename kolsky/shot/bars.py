@@ -164,6 +164,7 @@ def _gauge_station(
         baseline=gauge.baseline,
         clock_offset=offsets[0],
         compression=gauge.signs,
+        full_scale=gauge.full_scale,
     )
 
 
@@ -449,6 +450,7 @@ def _switch_words(given: WavesInput, key: str) -> str:
 def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:
     first = station.recordings[0]
     files = ", ".join(dict.fromkeys(r.path.name for r in station.recordings))
+    signs = station.compression if isinstance(station.compression, tuple) else (station.compression,)
     interval = float(first.time[-1] - first.time[0]) / (first.time.size - 1)
     rows: list[Row] = [
         (section, "file", files, ""),
@@ -460,12 +462,7 @@ def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -
         (section, "record start", float(first.time[0]) + station.clock_offset, "s"),
         (section, "record end", float(first.time[-1]) + station.clock_offset, "s"),
         (section, "distance", station.position, "m"),
-        (
-            section,
-            "compression",
-            ", ".join("positive" if s > 0 else "negative" for s in station.compression),
-            "",
-        ),
+        (section, "compression", ", ".join("positive" if s > 0 else "negative" for s in signs), ""),
         (section, "calibration", _calibration_rows(station), ""),
         (section, "baseline start", station.baseline[0], "s"),
         (section, "baseline end", station.baseline[1], "s"),

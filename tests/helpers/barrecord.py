@@ -120,9 +120,7 @@ def gauges(seed: int) -> WavesInput:
     for side, signal in signals.items():
         noisy = signal + NOISE * rng.standard_normal(t.size)
         recording = Recording(t, noisy, side, "1", Path("scope.csv"), "0" * 64)
-        stations[side] = StationInput(
-            (recording,), Linear(1.0, "1"), GAUGES[side], (10e-6, 200e-6), 0.0, (1,)
-        )
+        stations[side] = StationInput((recording,), Linear(1.0, "1"), GAUGES[side], (10e-6, 200e-6), 0.0, 1)
     return WavesInput(
         "made-up bars", SPECIMEN, {"incident": bar, "transmission": bar}, stations,
         uncertainty={"gauge_calibration": SCALE},

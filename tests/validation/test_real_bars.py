@@ -85,7 +85,7 @@ def epoxy(sample: int, *, dispersion: bool) -> Reduced:
     signals = tuple(
         bar_signal(
             [recordings[name]], Linear(0.000501), bar, x, side,
-            baseline=(-197e-6, -25e-6), clock_offset=0.0, compression=[-1],
+            baseline=(-197e-6, -25e-6), clock_offset=0.0, compression=-1,
         ).signal
         for name, bar, x, side in zip(names, EPOXY_BARS, EPOXY_GAUGES, SIDES, strict=True)
     )  # fmt: skip
@@ -184,7 +184,7 @@ def copper(*, dispersion: bool, calibrated: bool = True) -> Reduced:
             [recordings[name]],
             Linear(2.0 / (said[f"{side} factor"] * said["gain"] * said["excitation"])),
             bar, places.get(side, said["gauge"]), side,
-            baseline=(-50e-6, -10e-6), clock_offset=0.0, compression=[1],
+            baseline=(-50e-6, -10e-6), clock_offset=0.0, compression=1,
         ).signal
         for name, side in zip(names, SIDES, strict=True)
     )  # fmt: skip

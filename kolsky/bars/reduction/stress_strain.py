@@ -13,7 +13,6 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.interpolate import PchipInterpolator
 
-from kolsky.bars.audit import correction_of
 from kolsky.bars.guides.propagation import edge_filter, fade_ends, mean_square
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import ANALYSES, Correction, FaceWaves, History, Reduction
@@ -135,6 +134,7 @@ def reduce(
     in equilibrium [-]. ``average``: time over which the forces are averaged for R [s]; default: the time of a
     wave across the diameter of the thicker bar.
     """
+    _check(faces, specimen)
     bars = BarWaves(faces, guides)
     k1, k2, z1, z2 = bars.stiffness_1, bars.stiffness_2, bars.impedance_1, bars.impedance_2
     step = float(faces.time[1] - faces.time[0])
@@ -230,6 +230,19 @@ def _stretch(strain: History) -> FloatArray:
     return left
 
 
+def _check(faces: FaceWaves, specimen: Specimen) -> None:
+    if not (specimen.length > 0.0 and specimen.diameter > 0.0):
+        raise ValueError(
+            f"the specimen's length = {specimen.length} m and diameter = {specimen.diameter} m must be > 0"
+        )
+    for bar, name in ((faces.incident_bar, "incident"), (faces.transmission_bar, "transmission")):
+        if specimen.diameter > bar.diameter * (1.0 + 1e-9):
+            raise ValueError(
+                f"the specimen's diameter = {specimen.diameter} m must not exceed the {name} bar's, "
+                f"{bar.diameter} m: a bar loads only the area of its face"
+            )
+
+
 _HALF_SPACE = 16.0 / (3.0 * pi**2)
 """Mean indentation under a uniform pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""
 
@@ -287,11 +300,12 @@ def correct_punching(
         rate[key] = History(r.value - slope, np.hypot(r.sigma, slope_noise), r.unit)
     change = strain["three waves"].value - reduction.strain["three waves"].value
     verb = "shortens" if apply else "would shorten"
-    correction = correction_of(
-        "punching of the bars' faces",
-        "punching",
-        change,
+    correction = Correction(
+        name="punching of the bars' faces",
+        key="punching",
         applied=apply,
+        size=float(np.abs(change).max()),
+        rms=float(np.sqrt(np.mean(change**2))),
         unit="1",
         reason=(
             f"a specimen of {specimen.diameter * 1e3:.4g} mm on bars of {incident_bar.diameter * 1e3:.4g} "

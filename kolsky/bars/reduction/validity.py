@@ -43,8 +43,11 @@ def balanced_span(
     """Longest span in which |R| does not exceed the allowance.
 
     ``time``: times [s], shape [n]. ``ratio``: R [-], shape [n]. ``allowance``: largest |R| [-], > 0.
-    ``bridge``: longest excursion that does not end a span [s]. Returns: first and last time [s].
+    ``bridge``: longest excursion that does not end a span [s]. Raises ValueError if the allowance is not
+    greater than 0. Returns: first and last time [s].
     """
+    if not allowance > 0.0:
+        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
     runs = _runs(np.abs(ratio) <= allowance)
     merged: list[list[int]] = []
     for first, last in runs:
@@ -342,7 +345,8 @@ def validity(
     valid if two ratios are within `share`, with `COVERAGE` sigmas on both sides. The first ratio is the
     difference of the forces over their mean. The second is the inertial stress over the mean stress.
 
-    Raises ValueError if the averaging gives fewer than 3 intervals.
+    Raises ValueError if shapes differ, if an option is outside its range, or if the averaging gives fewer
+    than 3 intervals.
 
     ``time``: times [s], uniform, shape [n]. ``front_force``, ``back_force``: forces on the specimen's faces,
     the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``:
@@ -352,6 +356,7 @@ def validity(
     ``average``: length of the averaging intervals [s]; 0: no averaging. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
+    _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)
     n = 1 if average == 0.0 else max(1, round(average / float(np.median(np.diff(t)))))
     if t.size // n < 3:
         raise ValueError(
@@ -416,3 +421,17 @@ def _mean(x: FloatArray, n: int) -> FloatArray:
 
 def _sigma(x: FloatArray, n: int) -> FloatArray:
     return np.asarray(np.sqrt(_mean(x**2, n) / n))
+
+
+def _check(
+    time: FloatArray, values: tuple[FloatArray, ...], area: float, share: float, average: float
+) -> None:
+    if any(value.shape != time.shape for value in values) or time.ndim != 1 or time.size < 3:
+        raise ValueError(
+            f"every history needs one value at each of {time.size} times, 3 or more; got"
+            f" {', '.join(str(value.size) for value in values)}"
+        )
+    if not (area > 0.0 and 0.0 < share < 1.0 and average >= 0.0):
+        raise ValueError(
+            f"area must be > 0 m^2, share in (0, 1) and average >= 0 s, got {area:g}, {share:g}, {average:g}"
+        )

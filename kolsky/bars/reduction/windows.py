@@ -45,8 +45,10 @@ class StationInput:
     """Span of rest on the shot's clock [s]."""
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
-    compression: tuple[int, ...]
-    """+1 if compression gives positive values, -1 otherwise, for each channel."""
+    compression: int | tuple[int, ...]
+    """+1 if compression gives positive values, -1 otherwise. One value for all channels, or one for each."""
+    full_scale: float | None = None
+    """Largest magnitude that the recorder can measure; None if unknown."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,7 @@ def find_windows(
     """
     if manual is not None:
         return _checked(manual, incident, transmission)
+    _check_sides(incident, transmission)
     arrival = incident_arrival(incident, tension=tension)
     usable = usable_limits(incident, transmission)
     limits = usable if ends is None else ends
@@ -239,6 +242,19 @@ def check_baselines(
             raise ValueError(
                 f"{side} gauge: the baseline ends at {last:.6g} s, after the pulse arrives there at "
                 f"{begin:.6g} s, so it is not at rest. Cure: end the baseline before {begin:.6g} s"
+            )
+
+
+def _check_sides(incident: BarSignal, transmission: BarSignal) -> None:
+    for signal, side in ((incident, "incident"), (transmission, "transmission")):
+        if signal.side != side:
+            raise ValueError(
+                f"{signal.strain.name} is of the {signal.side} bar, it must be of the {side} bar"
+            )
+        if not 0.0 < signal.position < signal.bar.length:
+            raise ValueError(
+                f"{signal.strain.name}: its distance to the specimen = {signal.position} m must lie between "
+                f"0 and the bar's length, {signal.bar.length} m"
             )
 
 

@@ -69,6 +69,10 @@ def find_arrival(
     .. [1] N. Maeda, "A method for reading and checking phase time in auto-processing system of seismic wave
        data", Zisin 38, 365-379, 1985.
     """
+    if sign not in (-1, 1):
+        raise ValueError(f"the sign of a pulse = {sign} must be +1 or -1")
+    if not average > 0.0:
+        raise ValueError(f"average = {average} s must be greater than 0")
     time = signal.time
     inside = np.flatnonzero((time >= after) & (time <= before))
     width = max(1, round(average / signal.interval))

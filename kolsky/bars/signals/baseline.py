@@ -1,4 +1,4 @@
-"""Baseline of a signal: zero, noise with its correlation, drift, quantisation.
+"""Baseline of a signal: zero, noise with its correlation, drift, quantisation, clipping.
 
 Zero and noise are measured before the pulse. Drift after the baseline is a random walk. A few modes represent
 its covariance in the budget.
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
 
 from kolsky.bars.records import Quantity
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import FloatArray, IntArray
 
 
 class Noise(NamedTuple):
@@ -82,6 +82,8 @@ class SignalZero:
     """Scatter about the line. Its sigma is at least that of rounding to a step."""
     step: float
     """Quantisation step of the recorder from the values; 0 if no step is visible."""
+    longest_run: int
+    """Largest number of successive equal samples."""
 
     @property
     def freedom(self) -> float:
@@ -105,10 +107,12 @@ def measure_signal_zero(
     """Zero, noise and drift of a signal at rest.
 
     ``time``: uniform sample times [s], shape [n]. ``value``: samples, shape [n]. ``span``: first and last
-    time of the rest [s]. ``name``: name of the signal, for messages. Raises ValueError if the span has
-    fewer than 20 samples, or only equal samples.
+    time of the rest [s]. ``name``: name of the signal, for messages. Raises ValueError if the span is
+    reversed, has fewer than 20 samples, or has only equal samples.
     """
     first, last = span
+    if not first < last:
+        raise ValueError(f"{name}: the baseline must start before it ends, got {first:.9g} to {last:.9g} s")
     inside = (time >= first) & (time <= last)
     t, v = time[inside], value[inside]
     if t.size < FEWEST_SAMPLES:
@@ -142,6 +146,7 @@ def measure_signal_zero(
         slope_sigma=float(noise.sigma * np.sqrt(memory / (tc @ tc))),
         noise=noise,
         step=step,
+        longest_run=int(_runs(v)[1].max()),
     )
 
 
@@ -183,6 +188,44 @@ def quantisation_step(value: FloatArray) -> float:
     if distinct.size < 2 or distinct.size > 0.5 * value.size:
         return 0.0
     return float(np.median(np.diff(distinct)))
+
+
+def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
+    """Raise ValueError if a signal left the recorder's range, with the first such sample.
+
+    With a full scale, no sample may reach it. Without a full scale (None), a signal is clipped under two
+    conditions. Its largest or smallest value occurs in at least 8 successive samples, and in three times as
+    many as any value of the baseline. Noise does not disappear at the top of a pulse. ``value``: recorded
+    samples with their offset, shape [n].
+    """
+    if full_scale is not None:
+        if not full_scale > 0.0:
+            raise ValueError(f"{name}: full_scale must be > 0, got {full_scale}")
+        beyond = np.flatnonzero(np.abs(value) >= full_scale)
+        if beyond.size:
+            raise ValueError(
+                f"{name}: {beyond.size} samples reach full scale, the first {value[beyond[0]]:.6g} at sample"
+                f" {beyond[0]}; all must be below {full_scale:.6g}: choose a wider range on the recorder, or"
+                " correct full_scale"
+            )
+        return
+    starts, lengths = _runs(value)
+    limit = max(8, 3 * baseline.longest_run)
+    for extreme in (value.max(), value.min()):
+        held = np.flatnonzero((value[starts] == extreme) & (lengths >= limit))
+        if held.size:
+            i, n = int(starts[held[0]]), int(lengths[held[0]])
+            raise ValueError(
+                f"{name}: stays at its extreme {extreme:.6g} for {n} samples from sample {i} on, the baseline"
+                f" at no value for more than {baseline.longest_run}: it is clipped; choose a wider range on"
+                " the recorder, or state full_scale if it is not"
+            )
+
+
+def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
+    """First sample and length of every stretch of equal samples."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(value) != 0.0) + 1])
+    return starts, np.diff(starts, append=value.size)
 
 
 CONTRASTS = 3

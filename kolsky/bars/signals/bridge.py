@@ -32,7 +32,11 @@ that measures their mean.
 
 @dataclass(frozen=True)
 class Bridge:
-    """A strain-gauge bridge of four equal resistances, its supply and its amplifier."""
+    """A strain-gauge bridge of four equal resistances, its supply and its amplifier.
+
+    Raises ValueError if the kind is unknown, if a value is impossible, or if Poisson's ratio is missing or
+    without effect.
+    """
 
     kind: str
     """Arrangement of the gauges in the arms, a key of `KINDS`."""
@@ -50,6 +54,7 @@ class Bridge:
     """Resistance in series with a gauge inside its arm [ohm]: that of one lead with three wires, of both
     leads with two."""
 
+    UNIT: ClassVar[str] = "V"
     WORDS: ClassVar[Mapping[str, tuple[str, str]]] = {
         "gauge_factor": ("gauge factor", "1"),
         "excitation": ("excitation", "V"),
@@ -58,6 +63,23 @@ class Bridge:
         "gauge_resistance": ("gauge resistance", "ohm"),
         "lead_resistance": ("lead resistance", "ohm"),
     }
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"bridge kind must be one of {_listed(KINDS)}, got {self.kind!r}")
+        for field in ("gauge_factor", "excitation", "gain", "gauge_resistance"):
+            value = getattr(self, field)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{field} of a bridge must be finite and > 0, got {value}")
+        if not (np.isfinite(self.lead_resistance) and self.lead_resistance >= 0.0):
+            raise ValueError(f"lead_resistance must be finite and >= 0 ohm, got {self.lead_resistance}")
+        across = ACROSS in KINDS[self.kind]
+        if across and (self.poisson is None or not 0.0 <= self.poisson < 0.5):
+            raise ValueError(f"a bridge '{self.kind}' needs poisson in [0, 0.5), got {self.poisson}")
+        if not across and self.poisson is not None:
+            raise ValueError(
+                f"a bridge '{self.kind}' has no gauge across, so poisson has no effect; remove it"
+            )
 
     @property
     def arms(self) -> Arms:
@@ -123,17 +145,22 @@ class Bridge:
 
         ``gauge``: name of the gauge, e.g. "incident gauge"; prefix of the names. ``uncertainty``: standard
         uncertainties (k = 1, SI) by field. A field without an uncertainty is listed with 0. ``bar``: name of
-        the bar, prefix of the name of Poisson's ratio.
+        the bar, prefix of the name of Poisson's ratio. Raises ValueError if an uncertainty is given for a
+        field without effect.
         """
+        used = self._fields()
+        check_fields(uncertainty, used, f"a bridge '{self.kind}'")
         return [
             Quantity(
                 self._name(f, gauge, bar), getattr(self, f), uncertainty.get(f, 0.0), self.WORDS[f][1], "B"
             )
-            for f in self._fields()
+            for f in used
         ]
 
     def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Bridge":
-        """The bridge with other values of its `quantities`, by their names."""
+        """The bridge with other values of its `quantities`, by their names. The other values do not
+        change.
+        """
         names = {f: self._name(f, gauge, bar) for f in self._fields()}
         changed: dict[str, Any] = {f: values[name] for f, name in names.items() if name in values}
         return replace(self, **changed)
@@ -151,12 +178,27 @@ class Bridge:
 
 @dataclass(frozen=True)
 class Linear:
-    """A declared factor from recorded values to strain, e.g. from a calibration of the whole chain."""
+    """A declared factor from recorded values to strain, e.g. from a calibration of the whole chain.
+
+    Raises ValueError if the factor is not finite and positive.
+    """
 
     factor: float
     """Strain per recorded unit [1/unit], > 0. The sign is that of the declared compression."""
     unit: str = "V"
     """Unit of the recording: "V", or "1" if it is already strain."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.factor) and self.factor > 0.0):
+            raise ValueError(
+                f"a calibration factor must be finite and > 0, got {self.factor}; its sign is declared "
+                "separately"
+            )
+
+    @property
+    def UNIT(self) -> str:
+        """Unit that a recording must have."""
+        return self.unit
 
     def strain(self, volts: ArrayLike) -> FloatArray:
         """Strain, tension positive, of values that increase in tension."""
@@ -165,7 +207,11 @@ class Linear:
     def quantities(
         self, gauge: str, uncertainty: Mapping[str, float], *, bar: str | None = None
     ) -> list[Quantity]:
-        """The factor, for a budget; see `Bridge.quantities`."""
+        """The factor, for a budget; see `Bridge.quantities`.
+
+        Raises ValueError if an uncertainty belongs to another field.
+        """
+        check_fields(uncertainty, ["factor"], "a calibration factor")
         unit = "1/V" if self.unit == "V" else "1"
         return [Quantity(f"{gauge}, strain per volt", self.factor, uncertainty.get("factor", 0.0), unit, "B")]
 
@@ -175,6 +221,22 @@ class Linear:
 
 
 Calibration = Bridge | Linear
+
+
+def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) -> None:
+    """Reject uncertainties of fields that have no effect, and impossible values.
+
+    Raises ValueError. The message names the field and the fields with an effect.
+    """
+    for field, sigma in uncertainty.items():
+        if field not in used:
+            raise ValueError(f"uncertainty of {field!r} has no effect on {owner}; allowed: {_listed(used)}")
+        if not (np.isfinite(sigma) and sigma >= 0.0):
+            raise ValueError(f"standard uncertainty of {field} must be finite and >= 0, got {sigma}")
+
+
+def _listed(names: Mapping[str, object] | list[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
 
 
 @dataclass(frozen=True)
@@ -194,6 +256,18 @@ class Shunt:
     """Standard uncertainty of the shunt [ohm]."""
     step_sigma: float = 0.0
     """Standard uncertainty of the step [V]."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.resistance) and self.resistance > 0.0):
+            raise ValueError(f"shunt resistance must be finite and > 0 ohm, got {self.resistance}")
+        if not np.isfinite(self.step) or self.step == 0.0:
+            raise ValueError(f"the step of a shunt must be finite and not 0 V, got {self.step}")
+        if self.arm not in (1, 2, 3, 4):
+            raise ValueError(f"the arm of a shunt must be 1, 2, 3 or 4, got {self.arm}")
+        if not (self.resistance_sigma >= 0.0 and self.step_sigma >= 0.0):
+            raise ValueError(
+                f"uncertainties of a shunt must be >= 0, got {self.resistance_sigma} ohm, {self.step_sigma} V"
+            )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ The steps are calibration, zero, sign and bending, and a check of the bar's elas
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from kolsky.bars.records import LARGEST_JITTER, BarSignal, Correction, Quantity,
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.bars.signals.baseline import (
     SignalZero,
+    check_clipping,
     check_rest,
     diffusion,
     drift_at,
@@ -55,6 +56,11 @@ def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> 
         )
 
 
+T = TypeVar("T")
+
+SIDES = ("incident", "transmission")
+
+
 class Station(NamedTuple):
     """A bar's strain with its corrections and the input quantities."""
 
@@ -66,14 +72,15 @@ class Station(NamedTuple):
 
 def bar_signal(
     recordings: Sequence[Recording],
-    calibration: Calibration,
+    calibration: Calibration | Sequence[Calibration],
     bar: Bar,
     position: float,
     side: str,
     *,
     baseline: tuple[float, float],
     clock_offset: float,
-    compression: Sequence[int],
+    compression: int | Sequence[int],
+    full_scale: float | None = None,
     switches: Switches | None = None,
     uncertainty: Mapping[str, float] | None = None,
     values: Mapping[str, float] | None = None,
@@ -81,18 +88,29 @@ def bar_signal(
 ) -> Station:
     """Strain of a bar at a gauge station, compression positive, on the shot's clock.
 
-    ``recordings``: one channel, or one for each of two opposed gauges. ``calibration``: that of all channels,
-    with common errors. ``position``: distance of the gauges from the bar's specimen end [m].
+    ``recordings``: one channel, or one for each of two opposed gauges. ``calibration``: one for all channels,
+    with common errors, or one for each. ``position``: distance of the gauges from the bar's specimen end [m].
     ``side``: "incident" or "transmission". ``baseline``: first and last time of the rest on the shot's clock
     [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. ``compression``: +1 if compression gives
-    positive values, -1 otherwise, for each channel. ``switches``: switches of
+    positive values, -1 otherwise; one for all channels, or one for each. ``full_scale``: largest magnitude
+    that the recorder can measure, in the unit of the recordings; None if unknown. ``switches``: switches of
     the corrections "bridge nonlinearity", "bending" and "baseline drift". ``uncertainty``: standard
     uncertainties of the calibration's fields, by their names. ``values``: values that replace the estimates
     of `quantities`, by name, as `kolsky.bars.budget.propagate` passes them. ``drift_until``: last used time
     of the signal on the shot's clock [s]. Drift up to this time is an input of the budget. Default: the
     record's last time.
     """
+    if side not in SIDES:
+        raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")
+    if not 0.0 < position <= bar.length:
+        raise ValueError(f"the {side} gauge's position must be in (0, {bar.length:g}] m, got {position:g}")
+    if len(recordings) not in (1, 2):
+        raise ValueError(f"a station has one channel or two of opposed gauges, got {len(recordings)}")
     gauge, wave, given = f"{side} gauge", f"{side} bar", values or {}
+    shared = not isinstance(calibration, Sequence)
+    calibrations: list[Calibration] = _one_per_channel(calibration, len(recordings), "calibration")
+    signs: list[int] = _one_per_channel(compression, len(recordings), "compression")
+    labels = [gauge if shared else f"{gauge} {i + 1}" for i in range(len(recordings))]
     log = AuditLog(switches)
 
     start, interval = uniform_clock(recordings[0])
@@ -106,12 +124,16 @@ def bar_signal(
             f"{gauge}: the record ends at {time[-1]:.9g} s, before or with the baseline's last time"
         )
 
-    quantities = calibration.quantities(gauge, uncertainty or {}, bar=wave)
-    known = calibration.with_values(gauge, given, bar=wave)
-    strains = []
-    for i, (recording, sign) in enumerate(zip(recordings, compression, strict=True)):
+    strains, quantities = [], []
+    for i, (recording, calibrated, label, sign) in enumerate(
+        zip(recordings, calibrations, labels, signs, strict=True)
+    ):
         name = gauge if len(recordings) == 1 else f"{gauge} {i + 1}"
+        if not (shared and i):
+            quantities += calibrated.quantities(label, uncertainty or {}, bar=wave)
+        known = calibrated.with_values(label, given, bar=wave)
         rest = measure_signal_zero(time, recording.value, baseline, name=name)
+        check_clipping(recording.value, rest, name=name, full_scale=full_scale)
         strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
     axial, bending = _axial(strains, gauge, log, after)
     if not given:
@@ -140,6 +162,12 @@ def _strain(
     after: BoolArray,
 ) -> FloatArray:
     """One channel in strain, compression positive, without its zero."""
+    if sign not in (1, -1):
+        raise ValueError(f"{name}: compression must be +1 or -1, got {sign}")
+    if recording.unit != calibration.UNIT:
+        raise ValueError(
+            f"{name}: the calibration is for {calibration.UNIT!r}, the recording is in {recording.unit!r}"
+        )
     volts = -sign * (recording.value - rest.mean)  # rises in tension, as a gauge does
     exact = calibration.strain(volts)
     if not isinstance(calibration, Bridge):
@@ -241,3 +269,12 @@ def _same_times(first: Recording, other: Recording, interval: float) -> None:
         f" {first.time[0]:.9g} s and {other.time.size} from {start:.9g} s, intervals {interval:.9g} and"
         f" {step:.9g} s; record them with one time base"
     )
+
+
+def _one_per_channel(given: T | Sequence[T], count: int, what: str) -> list[T]:
+    """One for every channel."""
+    if not isinstance(given, Sequence):
+        return [given] * count
+    if len(given) != count:
+        raise ValueError(f"{what} must be one, or one for each of {count} channels, got {len(given)}")
+    return list(given)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
 from kolsky.bars.signals.baseline import measure_signal_zero
+from kolsky.bars.signals.bridge import check_fields
 from kolsky.base.apparatus import Transducer
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.records import ForceHistory, Recording
@@ -26,6 +27,7 @@ def compensate_droop(
     time: FloatArray, value: FloatArray, time_constant: float, *, start: float
 ) -> FloatArray:
     """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6)."""
+    _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     lost = np.zeros(time.size)
     if first < time.size:
@@ -39,6 +41,7 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
     """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape
     [n].
     """
+    _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)
     h = np.diff(time[first:]) / time_constant
@@ -62,6 +65,12 @@ def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
     driven[1:] += (share - decay) * change[:-1]
     bands = np.broadcast_to([[1.0], [-decay]], (2, len(change)))
     return np.asarray(solve_banded((1, 0), bands, driven) + signal[0])
+
+
+def _check_time_constant(time_constant: float) -> None:
+    """Check that a time constant is finite and positive."""
+    if not (np.isfinite(time_constant) and time_constant > 0.0):
+        raise ValueError(f"the time constant of a droop must be finite and > 0 s, got {time_constant}")
 
 
 _FEWEST_BASELINE = 20
@@ -101,8 +110,10 @@ def force_history(
     sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
     (U.6), and sigma grows by Eq. (U.7).
     """
+    _check_transducer(transducer)
+    _check_recording(recording, transducer)
     time = recording.time + clock_offset
-    rest = recording.value[_within(time, baseline)]
+    rest = recording.value[_within(time, baseline, "baseline")]
     _enough(rest.size, baseline)
     noise = float(np.std(rest, ddof=1))
     if not noise > 0.0:
@@ -127,7 +138,7 @@ def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> flo
 
     Raises ValueError if the baseline has fewer than 20 samples.
     """
-    rest = force.force[_within(force.time, baseline)]
+    rest = force.force[_within(force.time, baseline, "baseline")]
     _enough(rest.size, baseline)
     e = rest - rest.mean()
     return float(e[1:] @ e[:-1] / (e @ e))
@@ -145,7 +156,7 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
     ``width``: requested width of a bin [s]. The window is divided into the number of bins that comes nearest
     to it.
     """
-    inside = _within(force.time, window)
+    inside = _within(force.time, window, "window")
     t, F, sigma = force.time[inside], force.force[inside], force.sigma[inside]
     if t.size < 2:
         raise ValueError(
@@ -183,8 +194,11 @@ def force_between(force: ForceHistory, edge: NDArray[np.intp]) -> ForceBins:
     return ForceBins(edges=t[edge], mean=mean, sigma=deviation, n=np.diff(edge) + 1)
 
 
-def _within(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:
-    return (time >= span[0]) & (time <= span[1])
+def _within(time: FloatArray, span: tuple[float, float], name: str) -> NDArray[np.bool_]:
+    first, last = span
+    if not first < last:
+        raise ValueError(f"{name} must start before it ends, got {first:.9g} to {last:.9g} s")
+    return (time >= first) & (time <= last)
 
 
 def _enough(count: int, baseline: tuple[float, float]) -> None:
@@ -192,6 +206,45 @@ def _enough(count: int, baseline: tuple[float, float]) -> None:
         raise ValueError(
             f"the baseline {baseline[0]:.9g} to {baseline[1]:.9g} s holds {count} samples, at least"
             f" {_FEWEST_BASELINE} are needed; widen it within the pre-trigger stretch, on the shot's clock"
+        )
+
+
+def _check_transducer(transducer: Transducer) -> None:
+    if not (np.isfinite(transducer.sensitivity) and transducer.sensitivity > 0.0):
+        raise ValueError(
+            f"sensitivity must be > 0 V/N, got {transducer.sensitivity}; the sign belongs in compression_sign"
+        )
+    if transducer.compression_sign not in (1, -1):
+        raise ValueError(f"compression_sign must be +1 or -1, got {transducer.compression_sign}")
+    if not transducer.full_scale > 0.0:
+        raise ValueError(f"full_scale must be > 0 V, got {transducer.full_scale}")
+    if transducer.time_constant != np.inf:
+        _check_time_constant(transducer.time_constant)
+
+
+def _check_recording(recording: Recording, transducer: Transducer) -> None:
+    time, value, name = recording.time, recording.value, recording.channel
+    if recording.unit != "V":
+        raise ValueError(f"{name}: unit must be 'V', got {recording.unit!r}; convert the recording first")
+    if time.shape != value.shape or time.ndim != 1:
+        raise ValueError(f"{name}: time and value need one length, got {time.shape} and {value.shape}")
+    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))
+    if bad.size:
+        raise ValueError(
+            f"{name}: sample {bad[0]} is ({time[bad[0]]} s, {value[bad[0]]} V); every sample must be finite"
+        )
+    back = np.flatnonzero(~(np.diff(time) > 0.0))
+    if back.size:
+        raise ValueError(
+            f"{name}: times must increase; sample {back[0] + 1} is at {time[back[0] + 1]:.9g} s after"
+            f" {time[back[0]]:.9g} s"
+        )
+    clipped = np.flatnonzero(np.abs(value) >= transducer.full_scale)
+    if clipped.size:
+        raise ValueError(
+            f"{name}: {clipped.size} samples reach full scale, the first {value[clipped[0]]:.6g} V at"
+            f" {time[clipped[0]]:.9g} s; |V| must be < {transducer.full_scale:.6g} V: choose a wider range on"
+            " the recorder, or correct full_scale"
         )
 
 
@@ -228,6 +281,7 @@ def force_signal(
     """
     given, stated = values or {}, uncertainty or {}
     droops = np.isfinite(transducer.time_constant)
+    check_fields(stated, ["sensitivity", "time_constant"] if droops else ["sensitivity"], "the force")
     quantities = [
         Quantity(f"{name}, sensitivity", transducer.sensitivity, stated.get("sensitivity", 0.0), "V/N", "B")
     ]

@@ -483,13 +483,6 @@ def test_symmetry_ends_where_the_drift_exceeds_the_share():
     assert patient.row is None
 
 
-def test_bad_options_are_refused():
-    flight = fit_flight(body()[0], T, start=FLIGHT_START)
-    for options in ({"share": 0.0}, {"over": -1.0}, {"times_in_row": 0}):
-        with pytest.raises(ValueError, match="share must be"):
-            symmetry_end(flight, T[STATIC:], **({"separation": 0.0, "over": 1e-5, "share": 0.1} | options))
-
-
 def test_a_frames_own_noise_is_what_no_smooth_error_explains():
     """Variance 1 + 4 + 1 of a second difference of independent errors; none of a line's offset and slope."""
     frames = np.arange(12.0)

@@ -256,9 +256,18 @@ def test_pulling_faces_are_not_valid():
     assert found.counts[Reason.VALID] == 0.0
 
 
-def test_too_few_intervals_are_refused():
-    with pytest.raises(ValueError, match="at least 3 are needed"):
-        validity(VALIDITY_T, **{**case(1.0, 1.0), "average": 1.0})
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"share": 1.0}, "share in"),
+        ({"area": 0.0}, "area must be > 0"),
+        ({"average": 1.0}, "at least 3 are needed"),
+        ({"inertial_stress": np.zeros(3)}, "one value at each of 400 times"),
+    ],
+)
+def test_impossible_options(change, words):
+    with pytest.raises(ValueError, match=words):
+        validity(VALIDITY_T, **{**case(1.0, 1.0), **change})
 
 
 # Repeated tests: mean, scatter and band by hand; coverage of the band.

@@ -43,11 +43,33 @@ def test_compression_sign_turns_the_force_not_the_noise():
     np.testing.assert_allclose(negative.sigma, history().sigma)
 
 
+def values(row, value):
+    changed = recording().value.copy()
+    changed[row] = value
+    return recording(value=changed)
+
+
+def times(row, value):
+    changed = recording().time.copy()
+    changed[row] = value
+    return recording(time=changed)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"record": values(55, 1.0)}, r"1 samples reach full scale, the first 1 V.*< 1 V.*wider range"),
+        ({"record": values(45, -1.2)}, r"the first -1.2 V"),
+        ({"record": values(3, np.nan)}, r"sample 3 is .*must be finite"),
+        ({"record": times(7, recording().time[6])}, r"sample 7 is at"),
+        ({"record": recording(unit="mV")}, r"unit must be 'V', got 'mV'"),
+        ({"record": recording(time=np.arange(59.0))}, r"need one length"),
         ({"record": recording(value=np.full(60, 0.02))}, r"all 40 baseline samples are 0.02 V"),
         ({"baseline": (0.0, 0.375)}, r"holds 19 samples, at least 20"),
+        ({"baseline": (0.5, 0.1)}, r"must start before it ends"),
+        ({"gauge": replace(GAUGE, sensitivity=-0.01)}, r"sensitivity must be > 0 V/N, got -0.01"),
+        ({"gauge": replace(GAUGE, compression_sign=0)}, r"compression_sign must be \+1 or -1, got 0"),
+        ({"gauge": replace(GAUGE, full_scale=0.0)}, r"full_scale must be > 0 V"),
     ],
 )
 def test_bad_input_is_refused(change, message):
@@ -136,6 +158,7 @@ def test_bin_sigma_is_the_scatter_of_bin_means():
         ((0.0, 5.0), 0.5, r"bin width 0.5 s must be between the largest sample interval 1 s"),
         ((0.0, 5.0), 6.0, r"the samples' span 5 s"),
         ((20.0, 25.0), 2.0, r"holds 0 force samples"),
+        ((5.0, 0.0), 2.0, r"must start before it ends"),
     ],
 )
 def test_impossible_bins_are_refused(window, width, message):

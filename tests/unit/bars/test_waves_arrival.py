@@ -128,17 +128,18 @@ def test_there_is_none_in_noise():
 
 
 @pytest.mark.parametrize(
-    ("value", "message"),
+    ("value", "sign", "message"),
     [
-        (np.zeros(7000), "no positive pulse: the largest average over 3.9e-06 s is 0"),
-        (-pulse(STEP * np.arange(7000), 150e-6, 15e-6), "no positive pulse.* its declared sign"),
-        (np.ones(7000), "the pulse is there at the first sample.* a longer pre-trigger"),
-        (np.zeros(100), "100 samples between 0 s and .* are too few .* at least 196 are needed"),
+        (np.zeros(7000), 1, "no positive pulse: the largest average over 3.9e-06 s is 0"),
+        (-pulse(STEP * np.arange(7000), 150e-6, 15e-6), 1, "no positive pulse.* its declared sign"),
+        (np.ones(7000), 1, "the pulse is there at the first sample.* a longer pre-trigger"),
+        (np.zeros(100), 1, "100 samples between 0 s and .* are too few .* at least 196 are needed"),
+        (np.zeros(7000), 2, r"the sign of a pulse = 2 must be \+1 or -1"),
     ],
 )
-def test_refusals(value, message):
+def test_refusals(value, sign, message):
     with pytest.raises(ValueError, match=message):
-        find_arrival(signal(value, 0.001), sign=1, average=AVERAGE)
+        find_arrival(signal(value, 0.001), sign=sign, average=AVERAGE)
 
 
 def test_moving_mean_by_hand():
@@ -415,8 +416,12 @@ def test_windows_by_hand_are_checked(hand, message):
         find_windows(first, second, manual=Windows(*hand, source="shot file"))
 
 
-def test_a_record_that_ends_before_its_pulse_is_refused():
+def test_stations_are_checked():
     first, second = WINDOWS_SCENE.signals()
+    with pytest.raises(ValueError, match="is of the transmission bar, it must be of the incident bar"):
+        find_windows(second, first)
+    with pytest.raises(ValueError, match=r"= 1\.4 m must lie between 0 and the bar's length, 1\.4 m"):
+        find_windows(replace(first, position=1.4), second)
     short = replace(second, strain=replace(second.strain, value=second.strain.value[:1500]))
     with pytest.raises(ValueError, match=r"transmission gauge: the record ends .* Cure: a longer record"):
         find_windows(first, short)

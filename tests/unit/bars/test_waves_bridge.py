@@ -66,6 +66,22 @@ def test_an_impossible_output_is_refused():
         bridge().strain(np.array([1.0, 900.0]))
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kind": "quart"}, r"kind must be one of 'quarter', .* got 'quart'"),
+        ({"gauge_factor": 0.0}, r"gauge_factor of a bridge must be finite and > 0, got 0"),
+        ({"gain": np.nan}, r"gain of a bridge must be finite"),
+        ({"lead_resistance": -1.0}, r"lead_resistance must be finite and >= 0 ohm, got -1"),
+        ({"poisson": 0.3}, r"has no gauge across, so poisson has no effect"),
+        ({"kind": "full, Poisson", "poisson": None}, r"needs poisson in \[0, 0.5\), got None"),
+    ],
+)
+def test_impossible_bridges_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        bridge(**changes)
+
+
 def test_quantities_round_trip():
     made = bridge("full, Poisson")
     listed = made.quantities("incident gauge", {"gauge_factor": 0.01}, bar="incident bar")
@@ -79,6 +95,10 @@ def test_quantities_round_trip():
     assert other == replace(made, gain=201.0)
     nu = made.with_values("incident gauge", {"incident bar, Poisson's ratio": 0.3}, bar="incident bar")
     assert nu.poisson == 0.3
+    with pytest.raises(ValueError, match="'lead_resistance' has no effect on a bridge 'full, Poisson'"):
+        made.quantities("incident gauge", {"lead_resistance": 0.1})
+    with pytest.raises(ValueError, match="standard uncertainty of gain must be finite and >= 0, got -1"):
+        made.quantities("incident gauge", {"gain": -1.0})
 
 
 def test_a_stated_factor():
@@ -87,6 +107,8 @@ def test_a_stated_factor():
     (q,) = made.quantities("g", {"factor": 1e-6})
     assert (q.name, q.value, q.sigma, q.unit) == ("g, strain per volt", 5.01e-4, 1e-6, "1/V")
     assert made.with_values("g", {q.name: 5e-4}).factor == 5e-4
+    with pytest.raises(ValueError, match=r"finite and > 0, got -0\.0005"):
+        Linear(-5e-4)
 
 
 @pytest.mark.parametrize(("arm", "sign"), [(1, -1), (2, 1), (3, -1), (4, 1)])
@@ -134,3 +156,6 @@ def test_a_shunt_that_contradicts_is_refused():
         with_shunt(made, Shunt(59880.0, -0.4))
     with pytest.raises(ValueError, match="arm 2 of a bridge 'quarter' holds no gauge"):
         check_shunt(made, Shunt(59880.0, -0.8, arm=2, at_gauge=True))
+    for bad in ({"resistance": 0.0}, {"step": 0.0}, {"arm": 5}, {"step_sigma": -1.0}):
+        with pytest.raises(ValueError, match="shunt"):
+            replace(Shunt(59880.0, -0.8), **bad)

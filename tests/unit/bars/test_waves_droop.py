@@ -96,6 +96,10 @@ def test_force_history_compensates_too():
     np.testing.assert_array_equal(history.force, force().signal.value)
     sigma = droop_sigma(TIME, history.sigma[0], TAU, start=BASELINE[1])
     np.testing.assert_allclose(history.sigma, sigma)
+    with pytest.raises(ValueError, match="time constant of a droop must be finite and > 0 s, got -1"):
+        force_history(
+            noisy(trapezoid()), replace(PIEZO, time_constant=-1.0), baseline=BASELINE, clock_offset=1e-3
+        )
 
 
 def test_budget_of_a_force():
@@ -117,5 +121,10 @@ def test_budget_of_a_force():
     assert slope["transmission force, sensitivity"] == pytest.approx(sensitivity, rel=2e-4)
 
 
-def test_a_transducer_without_droop_has_no_correction():
-    assert force(transducer=replace(PIEZO, time_constant=np.inf)).corrections == []
+def test_uncertainties_without_effect_are_refused():
+    still = replace(PIEZO, time_constant=np.inf)
+    assert force(transducer=still).corrections == []
+    with pytest.raises(
+        ValueError, match="'time_constant' has no effect on the force; allowed: 'sensitivity'"
+    ):
+        force(transducer=still, uncertainty={"time_constant": 1e-4})

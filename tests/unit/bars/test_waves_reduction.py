@@ -230,6 +230,8 @@ def test_spans_bridge_short_excursions_only():
     assert balanced_span(time, ratio) == pytest.approx((1e-6, 2e-6))
     assert balanced_span(time, ratio, bridge=2e-6) == pytest.approx((1e-6, 5e-6))
     assert balanced_span(time, np.full(12, 0.3)) is None
+    with pytest.raises(ValueError, match=r"allowance of R = 0\.0 must be greater"):
+        balanced_span(time, ratio, allowance=0.0)
 
 
 def test_forces_in_the_noise_are_not_judged():
@@ -246,6 +248,19 @@ def test_interpolation_by_a_part_of_a_sample_is_exact_for_a_band_limited_signal(
     found = sampled_from(Signal(t[0], step, f(t), 0.0, "1"), start, 2000)
     # Spectrum of the Gaussian at the Nyquist frequency: below round-off.
     np.testing.assert_allclose(found, f(start + step * np.arange(2000)), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"specimen": Specimen(0.02, 0.005, 1200.0)}, r"diameter = 0\.02 m must not exceed the incident bar"),
+        ({"specimen": Specimen(0.01, 0.0, 1200.0)}, r"length = 0\.0 m and diameter = 0\.01 m must be > 0"),
+    ],
+)
+def test_refusals_of_the_specimen(change, message):
+    faces, _ = reduced(Layer())
+    with pytest.raises(ValueError, match=message):
+        reduce(faces, change["specimen"])
 
 
 def test_refusals_of_the_signals():

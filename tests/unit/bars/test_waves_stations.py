@@ -37,9 +37,9 @@ def pulse(height, n=4000):
 
 
 def station(recordings=None, calibration=BRIDGE, **changes):
-    recordings = recordings or [recorded(pulse(-1e-3))]
-    options = {"baseline": BASELINE, "clock_offset": OFFSET, "compression": [-1] * len(recordings)} | changes
-    return bar_signal(recordings, calibration, BAR, 1.0, "incident", **options)
+    options = {"baseline": BASELINE, "clock_offset": OFFSET, "compression": -1} | changes
+    position, side = options.pop("position", 1.0), options.pop("side", "incident")
+    return bar_signal(recordings or [recorded(pulse(-1e-3))], calibration, BAR, position, side, **options)
 
 
 def test_compression_is_positive_on_the_shots_clock():
@@ -72,9 +72,9 @@ def test_compression_is_positive_on_the_shots_clock():
 def test_sign_is_declared_not_guessed():
     positive = recorded(pulse(-1e-3))
     positive = replace(positive, value=-positive.value)
-    one, other = station()[0], station([positive], compression=[1])[0]
+    one, other = station()[0], station([positive], compression=1)[0]
     np.testing.assert_array_equal(one.strain.value, other.strain.value)
-    pulled = station(compression=[1])[0]
+    pulled = station(compression=1)[0]
     assert pulled.strain.value[2000] == pytest.approx(-1e-3, rel=0.02)
 
 
@@ -101,6 +101,11 @@ def test_opposed_gauges_are_averaged_and_bending_is_reported():
     assert "bending is 20" in entry.reason or "bending is 19.9" in entry.reason
     assert entry.size == pytest.approx(0.2e-3, rel=0.02)
     assert len(quantities) == 4 + len(DRIFT)  # one calibration, one gauge factor: their errors are the same
+    apart = station(pair, [BRIDGE, BRIDGE], uncertainty={"gauge_factor": 0.01})
+    assert [q.name for q in apart.quantities if "factor" in q.name] == [
+        "incident gauge 1, gauge factor",
+        "incident gauge 2, gauge factor",
+    ]
     first = station(pair, switches=Switches({"bending": False})).signal
     np.testing.assert_allclose(first.strain.value, pulse(1.2e-3), atol=5.5 * single)
 
@@ -163,6 +168,12 @@ def change(row, value):
     return [made]
 
 
+def flat(first, last):
+    made = recorded(pulse(-1e-3))
+    made.value[first:last] = made.value.min()
+    return [made]
+
+
 def shifted(by):
     made = recorded(pulse(-1e-3))
     return [made, replace(made, time=made.time + by)]
@@ -177,11 +188,22 @@ def rounded():
     ("changes", "message"),
     [
         ({"recordings": change(5, np.nan)}, r"sample 5 is .*must be finite"),
+        ({"recordings": [replace(recorded(pulse(-1e-3)), unit="1")]}, r"for 'V', the recording is in '1'"),
         ({"recordings": [recorded(pulse(-1e-3), noise=0.0)]}, r"all 1001 baseline samples are 0.01"),
+        ({"recordings": flat(1500, 1510)}, r"stays at its extreme .* 10 samples from sample 1500 .*clipped"),
+        ({"full_scale": 1.2}, r"samples reach full scale, the first -1\.2\d+ at sample \d+"),
+        ({"full_scale": 0.0}, r"full_scale must be > 0, got 0"),
         ({"recordings": shifted(1e-7)}, r"opposed gauges CH1 and CH1 must have the same times"),
         ({"recordings": rounded()}, r"intervals off an even division, allowed is 0.01; a rounded"),
+        ({"recordings": [recorded(pulse(-1e-3))] * 3}, r"one channel or two of opposed gauges, got 3"),
         ({"baseline": (0.0, 1.85e-6)}, r"holds 19 samples, at least 20"),
+        ({"baseline": (1e-4, 0.0)}, r"must start before it ends"),
         ({"baseline": (0.0, 1.0)}, r"the record ends at 0.0003999 s"),
+        ({"compression": 0}, r"compression must be \+1 or -1, got 0"),
+        ({"compression": [1, 1]}, r"one for each of 1 channels, got 2"),
+        ({"position": 2.5}, r"position must be in \(0, 2\] m, got 2.5"),
+        ({"side": "input"}, r"side must be 'incident' or 'transmission', got 'input'"),
+        ({"uncertainty": {"gauge": 0.1}}, r"uncertainty of 'gauge' has no effect"),
     ],
 )
 def test_bad_input_is_refused(changes, message):
@@ -189,8 +211,8 @@ def test_bad_input_is_refused(changes, message):
         station(**changes)
 
 
-def test_a_coarse_recorder():
-    # Codes of 20 mV on 8 mV noise.
+def test_a_coarse_recorder_is_not_taken_for_clipped():
+    # Codes of 20 mV on 2 mV noise: still for long on top of the pulse, but longer at rest.
     record = recorded(pulse(-1e-3), noise=8e-3)
     record = replace(record, value=0.02 * np.round(record.value / 0.02))
     made = station([record])
