@@ -85,7 +85,7 @@ def test_rounding_moves_an_optimum_by_a_fiftieth_of_its_uncertainty_at_most(prob
         # 0.0007 and 0.002 here; 0.02 with Poisson's ratio at its limit of 0.49998, where the law is stiffest.
         assert (np.abs(gain @ np.nan_to_num(rounding[0])) < 0.02 * sigma).all()
         if numerics == problem.numerics:
-            # Two runs of a profile's surrogate, APART: rounding as a change over the box, in standard deviations
-            # of an entry. It is 0.13 here. At 1, a parameter without effect would have a bound.
+            # Two runs of a profile's surrogate, APART: rounding as a change over the box, in sigma
+            # of an entry. It is 0.13. At 1, a parameter without effect would have a bound.
             ratio = np.nan_to_num(rounding[0]) / objective.noise
             assert np.sqrt(2.0 * np.mean(ratio**2)) / APART < 0.5
