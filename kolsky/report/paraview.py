@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from dic.files import replacing
@@ -32,29 +34,43 @@ def write_grid(
     be 0. ``kind``: number of the cell type in VTK. ``fields``: values at the points by name, shape [n] or
     [n, components].
     """
-    kinds = np.full(len(cells), kind, dtype=np.uint8)
-    grid = pyvista.UnstructuredGrid(_counted(cells), kinds, points)
-    _write_vtk(path, vtkXMLUnstructuredGridWriter(), grid, fields)
+    grid = vtkUnstructuredGrid()
+    grid.SetCells(kind, _cell_array(cells))
+    _write_vtk(path, vtkXMLUnstructuredGridWriter(), grid, points, fields)
 
 
 def write_surface(
     path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> None:
     """Write a surface (VTP): points and polygons of one size. Without faces, each point is a vertex."""
-    surface = pyvista.PolyData(points, faces=_counted(faces) if len(faces) else None)
-    _write_vtk(path, vtkXMLPolyDataWriter(), surface, fields)
+    surface = vtkPolyData()
+    if len(faces):
+        surface.SetPolys(_cell_array(faces))
+    else:
+        surface.SetVerts(_cell_array(np.arange(len(points))[:, None]))
+    _write_vtk(path, vtkXMLPolyDataWriter(), surface, points, fields)
 
 
-def _counted(cells: np.ndarray) -> np.ndarray:
-    """Cells in the form of VTK: each with the number of its points before them."""
-    return np.insert(cells, 0, cells.shape[1], axis=1).ravel()
+def _cell_array(cells: np.ndarray) -> vtkCellArray:
+    """Cells with as many points each, shape [m, k], in VTK's form."""
+    array = vtkCellArray()
+    array.SetData(
+        cells.shape[1], numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells, np.int64).ravel(), deep=True)
+    )
+    return array
 
 
-def _write_vtk(path: Path, writer: Any, data: Any, fields: Mapping[str, np.ndarray]) -> None:
+def _write_vtk(
+    path: Path, writer: Any, data: Any, points: FloatArray, fields: Mapping[str, np.ndarray]
+) -> None:
     """Write a data set with fields at its points. VTK writes names without escapes, and hides a full disk."""
-    for name, values in fields.items():
-        if data.n_points:
-            data.point_data[escape(name)] = values
+    places = vtkPoints()
+    places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+    data.SetPoints(places)
+    for name, values in fields.items() if len(points) else ():
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array.SetName(escape(name))
+        data.GetPointData().AddArray(array)
     writer.SetInputData(data)
     writer.WriteToOutputStringOn()
     writer.SetDataModeToBinary()
