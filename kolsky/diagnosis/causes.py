@@ -30,8 +30,10 @@ from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
 from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, best_tried, scan_inputs
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
+from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.result import COVERAGE, CauseFinding
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.surrogate_mesh_search import search_meshes
 from kolsky.inverse.valleys import VALLEY
 from kolsky.shot.input_records import SHOWN, UNCHANGED, Cause, Change
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, FRAME_RATE, POISSON, SENSITIVITY, causes
@@ -308,17 +310,41 @@ def _analysed(
     search = _search_from(CauseModel(runner, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     unchanged = dict(zip(runner.problem.box.names, search.at.tolist(), strict=False))
-    found = _findings(search, [Best(t, t, search) for t in trials], candidates)
-    if other is not None and not any(solved(t) for t in trials):
+    bests = [Best(t, t, search) for t in trials]
+    if not explained and (search.before > UNEXPLAINED).any():
+        bests = best_of_each([*bests, *_freed_poisson(search, candidates)], search)
+    found = _findings(search, bests, candidates)
+    if other is not None and not any(solved(one.seen) for one in bests):
         # At the answer, the meshes are in phase. At the other point, the difference of its two runs is used.
         model = CauseModel(runner.under(runner.front, {}), *other)
         second = _search_from(model, candidates, counted=search.use)
         second.judge(search)
-        both = [Best(second.seen(search, t), t, search) for t in trials]
+        both = [replace(one, seen=second.seen(search, one.own)) for one in bests]
         both += [Best(t, t, second) for t in best_trials(second, candidates)]
         more = _findings(second, best_of_each(both, second), candidates)
         found = more if more and more[0].named else found
     return CauseAnalysis(found, search.before, unchanged)
+
+
+def _freed_poisson(search: CauseSearch, candidates: Sequence[Cause]) -> list[Best]:
+    """A held Poisson's ratio by the search of its valleys, as if it were free, then on the refined mesh.
+
+    The valleys are narrow and many: no step from the answer leads to another one.
+    """
+    held = next((c for c in candidates if c.key == POISSON), None)
+    if held is None:
+        return []
+    problem, settings = search.problem, search.problem.settings
+    others = {name: value for name, value in settings.held.items() if name != VALLEY}
+    hold = tuple(name for name in settings.hold if name != VALLEY)
+    freed = replace(settings, free={**problem.freed.free, VALLEY: None}, held=others, hold=hold)
+    wide = InverseProblem.freeing(problem.prepared, replace(problem.freed, settings=freed))
+    start = np.clip(wide.declared, wide.box.lower, wide.box.upper)
+    start[: len(search.x)] = search.x
+    found = search_meshes(Runner.of(wide, search.runner.work), start).optima[wide.numerics.mesh].x
+    x = search.clipped(found[:-1] - search.runner.offset(wide.numerics.mesh))
+    trial = Trial(held, x, held.coordinate(float(found[-1])), search.before, search.left)
+    return [Best(t, t, search).renewed(search) for t in search.measured([trial])]
 
 
 SOLVED = 1.5
@@ -382,7 +408,11 @@ def _findings(
     judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
     """The ranked findings. The first one is updated if it is a likely cause."""
-    again = {one.own.candidate.key: one.renewed(judge) for one in _contenders(judge, trials)}
+    again = {
+        one.own.candidate.key: one.renewed(judge)
+        for one in _contenders(judge, trials)
+        if one.model is None
+    }
     trials = [again.get(one.own.candidate.key, one) for one in trials]
     findings = ranked(judge, [one.seen for one in trials])
     if not (findings and findings[0].named):
