@@ -281,9 +281,6 @@ def _inside(c: Cause, u: float) -> float:
     return float(min(max(u, c.lowest), c.highest))
 
 
-FINER = 6
-"""Number of finer values tried on each side."""
-
 Value = tuple[Cause, float]
 """An input and a value of its coordinate."""
 
@@ -291,20 +288,11 @@ Value = tuple[Cause, float]
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
     """Starts: the best large changes of every candidate, with the free parameters by a linear step.
 
-    All large changes are run in one launch on a coarse mesh. Then finer values about the best are run to find
-    narrow minima.
+    All changes are run in one launch on a coarse mesh.
     """
-    values = _within_bounds([(c, u) for c in candidates for u in c.scan])
-    trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
-    basins = best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
-    steps = range(-FINER, FINER + 1)
-    about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
-    found = [t for t in trials if not t.candidate.finer > 0.0]
-    return best_tried(search, found) + best_tried(search, _trials(search, about))
-
-
-def _within_bounds(tried: Sequence[Value]) -> list[Value]:
-    return [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
+    values = [(c, u) for c in candidates for u in c.scan if c.lowest <= u <= c.highest]
+    reached = [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))]
+    return best_tried(search, _trials(search, reached))
 
 
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:

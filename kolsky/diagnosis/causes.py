@@ -49,7 +49,8 @@ exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
-"""Smallest share of the misfit that a reported cause must explain."""
+"""Smallest share of the misfit that a cause explains if its evidence is below `EVIDENCE`. If every cause
+explains less, another error is likely in addition."""
 FREED_TOGETHER = (POISSON, DAMPING)
 """Assumptions that an identification frees together by default. If one is refuted, the pair is refuted."""
 
@@ -67,10 +68,7 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     for t, probability in zip(trials, adjusted, strict=True):
         gain = search.gain(t.misfits) if not t.lost else 0.0
         share = explained_share(search.before, t.misfits, entries)
-        # If the stiffness is beyond its bound, Poisson's ratio and the force may stay in the valley of the
-        # bound.
-        least = 0.0 if t.candidate.key == CURVE_SCALE else LEAST_SHARE
-        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= least
+        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= 0.0
         alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
         if alone is not None and _within(search, alone):
             t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)
@@ -248,6 +246,11 @@ class CauseAnalysis:
         """The likely causes."""
         return tuple(finding for finding in self.findings if finding.named)
 
+    @property
+    def seen(self) -> bool:
+        """True if the residual of a channel exceeds that of a correct model."""
+        return bool((self.misfits > 1.0).any())
+
 
 OtherStart = tuple[FloatArray, Response]
 """Another start for the search of causes: free parameters in SI, [d], and their run on the refined mesh."""
@@ -409,9 +412,7 @@ def _findings(
 ) -> tuple[CauseFinding, ...]:
     """The ranked findings. The first one is updated if it is a likely cause."""
     again = {
-        one.own.candidate.key: one.renewed(judge)
-        for one in _contenders(judge, trials)
-        if one.model is None
+        one.own.candidate.key: one.renewed(judge) for one in _contenders(judge, trials) if one.model is None
     }
     trials = [again.get(one.own.candidate.key, one) for one in trials]
     findings = ranked(judge, [one.seen for one in trials])
@@ -595,7 +596,8 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
             f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
             f"{checks.get(finding.key, finding.key)}; with it {told}"
         )
-    if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
+    little = all(f.explained < LEAST_SHARE and f.key != CURVE_SCALE for f in analysis.named)
+    if not explained and little and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
             f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times the residual expected of a "

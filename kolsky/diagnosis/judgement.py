@@ -7,6 +7,7 @@ from math import isfinite
 
 from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.causes import (
+    LEAST_SHARE,
     CauseAnalysis,
     cause_warnings,
     stiffness_at_bound,
@@ -36,12 +37,12 @@ def judged(
     shot = problem.shot
     result = with_verdicts(result)
     if not causes.named and MOVED in result.estimates:
-        m = result.estimates[MOVED]
-        listed = (
-            with_suspects(causes.findings, causes.unchanged, m.sigma)
-            if m.outcome.identified
-            else with_leading(causes.findings, at_bound=stiffness_at_bound(problem.box, fine.x))
-        )
+        m, at_bound = result.estimates[MOVED], stiffness_at_bound(problem.box, fine.x)
+        # A misfit that only the averages over time show has no share that an input could explain.
+        if m.outcome.identified or not (at_bound or causes.seen):
+            listed = with_suspects(causes.findings, causes.unchanged, m.sigma)
+        else:
+            listed = with_leading(causes.findings, at_bound=at_bound)
         causes = replace(causes, findings=listed)
         result = replace(result, causes=listed)
     of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]
@@ -51,7 +52,7 @@ def judged(
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
         # A strong branch is beyond the linear test and must be searched. It must explain more than a likely
         # input does. The test of a weak branch cannot show this.
-        weak = rate_advice(asked) if not causes.named else ()
+        weak = rate_advice(asked) if leading < LEAST_SHARE else ()
         strong = None if weak else branch_fit(runner, fine.x, fine.objective)
         of_fit += weak or rate_advice(None, strong, least=leading)
         result = replace(result, surrogate={**result.surrogate, **branch_figures(asked, strong)})

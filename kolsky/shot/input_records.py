@@ -159,8 +159,6 @@ class Cause:
     """Data that a shot must have for this cause to be tested."""
     scan: tuple[float, ...] = ()
     """Coordinates far from the declared value. They are tried before the search."""
-    finer: float = 0.0
-    """Spacing of further trials about the best coordinate of ``scan``, for a narrow minimum; 0 for none."""
     step: float
     """Step of the coordinate for finite differences."""
     typical: float

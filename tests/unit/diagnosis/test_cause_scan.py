@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.diagnosis.cause_fit import fit_linear
 from kolsky.diagnosis.cause_model import Point
-from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
+from kolsky.diagnosis.cause_search import CauseSearch, scan_inputs
 from kolsky.shot.input_records import Cause, Change
 from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, runner
 
@@ -35,7 +35,7 @@ def inputs() -> list[Cause]:
     coarse = tuple(0.5 * n for n in range(-8, 9))
     return [
         replace(candidate(ALTERED), scan=coarse),
-        replace(candidate(NARROW), scan=coarse, finer=0.05, simulated=True, lowest=-3.0, highest=3.0),
+        replace(candidate(NARROW), scan=coarse, simulated=True, lowest=-3.0, highest=3.0),
         replace(candidate(WIDE), scan=coarse, simulated=True),
     ]
 
@@ -79,13 +79,7 @@ def floors(losses: dict[float, float]) -> list[float]:
 def test_the_trials_are_those_of_every_value_by_itself() -> None:
     one, _ = search()
     found = scan_inputs(one, inputs())
-    wanted: list[tuple[str, float]] = []
-    for c in (inputs()[0], inputs()[2]):
-        wanted += [(c.key, u) for u in floors(one_by_one(one, [(c, u) for u in c.scan]))]
-    narrow = inputs()[1]
-    basins = floors(one_by_one(one, [(narrow, u) for u in narrow.scan]))
-    about = [(narrow, u + n * narrow.finer) for u in basins for n in range(-FINER, FINER + 1)]
-    wanted += [(narrow.key, u) for u in floors(one_by_one(one, about))]
+    wanted = [(c.key, u) for c in inputs() for u in floors(one_by_one(one, [(c, u) for u in c.scan]))]
     assert [(t.candidate.key, t.u) for t in found] == wanted
     for t in found:
         assert one.loss(t.misfits) == one_by_one(one, [(t.candidate, t.u)])[t.u]
@@ -95,7 +89,7 @@ def test_all_that_does_not_depend_on_others_is_one_launch() -> None:
     one, model = search()
     model.asked.clear()
     scan_inputs(one, inputs())
-    assert model.asked == [[ALTERED, NARROW, WIDE], [NARROW]]
+    assert model.asked == [[ALTERED, NARROW, WIDE]]
 
 
 def test_far_values_are_tried_on_the_coarse_mesh_alone() -> None:
@@ -107,4 +101,4 @@ def test_far_values_are_tried_on_the_coarse_mesh_alone() -> None:
     )
     one.model = fine  # it has no vectors: asked for one, it fails
     assert [t.u for t in scan_inputs(one, inputs())] == [t.u for t in scan_inputs(search()[0], inputs())]
-    assert coarse.asked == [[ALTERED, NARROW, WIDE], [NARROW]]
+    assert coarse.asked == [[ALTERED, NARROW, WIDE]]
