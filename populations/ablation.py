@@ -153,6 +153,11 @@ OF_DIAGNOSIS = {
         property(lambda self: self),
     ),
     "large_changes": Switch("large changes of an input", "diagnosis.causes.scan_inputs", lambda *_: []),
+    "freed_poisson": Switch(
+        "the search of the valleys of a held Poisson's ratio",
+        "diagnosis.causes._freed_poisson",
+        lambda *_: [],
+    ),
     "same_force": Switch(
         "a density for each gain of the force", "diagnosis.causes._same_force_starts", lambda *_: []
     ),
@@ -171,13 +176,11 @@ OF_DIAGNOSIS = {
         lambda first, judge, findings, rest: findings,
     ),
     "suspects": Switch(
-        "suspects of an explained answer",
-        "diagnosis.judgement.with_suspects",
-        lambda causes, unchanged, sigma: tuple(causes),
+        "suspects of an explained answer", "diagnosis.causes.with_suspects", lambda causes, *_: tuple(causes)
     ),
     "leading": Switch(
         "leading inputs of a withheld answer",
-        "diagnosis.judgement.with_leading",
+        "diagnosis.causes.with_leading",
         lambda causes, at_bound: tuple(causes),
     ),
 }

@@ -31,7 +31,7 @@ from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, be
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.problem import InverseProblem
-from kolsky.inverse.result import COVERAGE, CauseFinding
+from kolsky.inverse.result import COVERAGE, CauseFinding, Estimate
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.surrogate_mesh_search import search_meshes
 from kolsky.inverse.valleys import VALLEY
@@ -245,11 +245,6 @@ class CauseAnalysis:
     def named(self) -> tuple[CauseFinding, ...]:
         """The likely causes."""
         return tuple(finding for finding in self.findings if finding.named)
-
-    @property
-    def seen(self) -> bool:
-        """True if the residual of a channel exceeds that of a correct model."""
-        return bool((self.misfits > 1.0).any())
 
 
 OtherStart = tuple[FloatArray, Response]
@@ -529,8 +524,19 @@ def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Tr
     return [replace(t, residual=left, misfits=search.expected.misfits(left)) for t, left in relieved]
 
 
+def with_likely(analysis: CauseAnalysis, m: Estimate, *, at_bound: bool) -> tuple[CauseFinding, ...]:
+    """The causes of an analysis in which none has enough evidence, with those marked that are likely anyway.
+
+    If only averages over time show a misfit, it has no share that an input could explain. ``m``: the
+    stiffness factor with its verdict. ``at_bound``: `stiffness_at_bound`.
+    """
+    if m.outcome.identified or not (at_bound or (analysis.misfits > 1.0).any()):
+        return with_suspects(analysis.findings, analysis.unchanged, m.sigma)
+    return with_leading(analysis.findings, at_bound=at_bound)
+
+
 SURE = 1e-6
-"""If the data are explained, a change counts only below this probability. It is adjusted for all inputs
+"""If the data show no misfit, a change counts only below this probability. It is adjusted for all inputs
 tried."""
 
 

@@ -11,8 +11,7 @@ from kolsky.diagnosis.causes import (
     CauseAnalysis,
     cause_warnings,
     stiffness_at_bound,
-    with_leading,
-    with_suspects,
+    with_likely,
 )
 from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
@@ -37,12 +36,8 @@ def judged(
     shot = problem.shot
     result = with_verdicts(result)
     if not causes.named and MOVED in result.estimates:
-        m, at_bound = result.estimates[MOVED], stiffness_at_bound(problem.box, fine.x)
-        # A misfit that only the averages over time show has no share that an input could explain.
-        if m.outcome.identified or not (at_bound or causes.seen):
-            listed = with_suspects(causes.findings, causes.unchanged, m.sigma)
-        else:
-            listed = with_leading(causes.findings, at_bound=at_bound)
+        at_bound = stiffness_at_bound(problem.box, fine.x)
+        listed = with_likely(causes, result.estimates[MOVED], at_bound=at_bound)
         causes = replace(causes, findings=listed)
         result = replace(result, causes=listed)
     of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]

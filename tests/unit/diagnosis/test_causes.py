@@ -28,6 +28,7 @@ from kolsky.diagnosis.causes import (
     stiffness_at_bound,
     strangeness,
     with_leading,
+    with_likely,
     with_suspects,
     without_twin_between,
 )
@@ -119,6 +120,13 @@ def test_a_misfit_that_nothing_explains_is_said_and_a_right_shot_is_quiet() -> N
     assert said.startswith("no single change of an input explains the misfit (the residual is 5 and 1 times")
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([2.1, 1.1]))))
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])), explained=True))
+    # A cause of a small share leaves a misfit; a curve's scale beyond the bound of m has no share of it.
+    small = finding(explained=0.9 * LEAST_SHARE)
+    named, rest = cause_warnings(CauseAnalysis((small,), np.array([25.0, 1.0])))
+    assert "explains 22 % of the misfit" in named
+    assert rest == said
+    for alone in (finding(explained=LEAST_SHARE), finding(key=CURVE_SCALE, explained=0.0)):
+        assert len(list(cause_warnings(CauseAnalysis((alone,), np.array([25.0, 1.0]))))) == 1
     (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), lost="the run ended"))
     assert lost == "the search for a wrong input failed: the run ended"
 
@@ -223,6 +231,33 @@ def test_an_input_is_suspected_where_the_data_are_sure_and_the_answer_leaves_its
     assert [f.key for f in found][2:] == ["stays", "by chance", "within", "lost"]
     (said, _) = cause_warnings(CauseAnalysis(found, np.ones(2)), explained=True)
     assert said.startswith("the model explains the data, and a force gain of 0.498 ± 0.010 (k = 2) would fit")
+
+
+@pytest.mark.parametrize(
+    ("misfits", "identified", "at_bound", "named"),
+    [
+        ((1.0, 0.9), False, False, "moves"),  # no misfit: no input has a share of it
+        ((1.1, 0.9), False, False, "explains"),
+        ((1.0, 0.9), False, True, "explains"),
+        ((1.1, 0.9), True, False, "moves"),
+    ],
+)
+def test_what_no_evidence_names_is_named_by_its_share_or_by_what_it_does_to_the_answer(
+    misfits: tuple[float, float], identified: bool, at_bound: bool, named: str
+) -> None:
+    moves = finding(
+        key="moves", named=False, probability=0.1 * SURE, explained=0.0,
+        parameters={"stiffness_factor": 1.03},
+    )  # fmt: skip
+    explains = finding(
+        key="explains", named=False, probability=0.9 * LEVEL, explained=0.5,
+        parameters={"stiffness_factor": 1.0},
+    )  # fmt: skip
+    unchanged = {"stiffness_factor": 1.0}
+    analysis = CauseAnalysis((moves, explains), np.array(misfits), unchanged)
+    m: Any = SimpleNamespace(outcome=SimpleNamespace(identified=identified), sigma=0.01)
+    found = with_likely(analysis, m, at_bound=at_bound)
+    assert [f.key for f in found if f.named] == [named]
 
 
 def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_own() -> None:

@@ -170,6 +170,26 @@ def test_an_error_within_what_is_declared_is_listed_and_nothing_is_named() -> No
     assert alike.evidence < 0.3 * EVIDENCE
 
 
+def test_a_cause_with_strong_evidence_is_named_whatever_share_it_explains(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """144 of 720 that the data lie off, over 200 entries of noise 1: a fifth, and 200 ln(4.6 / 3.9) = 34."""
+    monkeypatch.setattr("kolsky.diagnosis.causes.EVIDENCE", 20.0)
+    rng = np.random.default_rng(5)
+    m, off, rest = np.linalg.qr(rng.standard_normal((K, 3)))[0].T
+    model: Any = LinearModel(
+        {"m": 300.0 * m, "off": 12.0 * off}, 12.0 * off + 24.0 * rest + rng.standard_normal(K)
+    )
+    one = CauseSearch(runner(), model, expected(), np.ones(K, dtype=bool), [candidate("off")])
+    (found,) = ranked(one, one.tangents([candidate("off")]))
+    before = one.before[0]
+    assert before == pytest.approx(4.6, abs=1.0)  # noise along both directions adds to them
+    assert found.explained == pytest.approx(0.2, abs=0.04)
+    left = 1.0 + (1.0 - found.explained) * (before - 1.0)
+    assert found.evidence == pytest.approx(K * np.log(before / left), rel=1e-9)
+    assert found.named
+
+
 def test_an_error_beyond_what_is_declared_is_named_by_what_k_2_leaves() -> None:
     """Of six standard uncertainties two are allowed: the misfit that counts is that of the other four."""
     one = search(6.0)
