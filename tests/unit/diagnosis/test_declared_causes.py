@@ -173,18 +173,18 @@ def test_an_error_within_what_is_declared_is_listed_and_nothing_is_named() -> No
 def test_a_cause_with_strong_evidence_is_named_whatever_share_it_explains(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """144 of 720 that the data lie off, over 200 entries of noise 1: a fifth, and 200 ln(4.6 / 3.9) = 34."""
+    """The input is 144 of the 928 that the data lie off, over 200 entries of noise 1: a share of 0.16."""
     monkeypatch.setattr("kolsky.diagnosis.causes.EVIDENCE", 20.0)
     rng = np.random.default_rng(5)
     m, off, rest = np.linalg.qr(rng.standard_normal((K, 3)))[0].T
     model: Any = LinearModel(
-        {"m": 300.0 * m, "off": 12.0 * off}, 12.0 * off + 24.0 * rest + rng.standard_normal(K)
+        {"m": 300.0 * m, "off": 12.0 * off}, 12.0 * off + 28.0 * rest + rng.standard_normal(K)
     )
     one = CauseSearch(runner(), model, expected(), np.ones(K, dtype=bool), [candidate("off")])
     (found,) = ranked(one, one.tangents([candidate("off")]))
     before = one.before[0]
-    assert before == pytest.approx(4.6, abs=1.0)  # noise along both directions adds to them
-    assert found.explained == pytest.approx(0.2, abs=0.04)
+    assert before == pytest.approx(1.0 + 928.0 / K, abs=1.0)  # noise along both directions adds to them
+    assert found.explained == pytest.approx(144.0 / 928.0, abs=0.06)
     left = 1.0 + (1.0 - found.explained) * (before - 1.0)
     assert found.evidence == pytest.approx(K * np.log(before / left), rel=1e-9)
     assert found.named
