@@ -23,7 +23,6 @@ from kolsky.diagnosis.causes import find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.fit_quality import explains, fit_quality, near_right, residual_sources
 from kolsky.diagnosis.judgement import judged
-from kolsky.inverse.estimates import with_own_method
 from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import search_shot
@@ -33,7 +32,6 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
 from kolsky.uncertainty.answer import budgeted_answer, error_sources
-from kolsky.uncertainty.profiles import LinearisedOptimum
 
 
 @one_blas_thread()
@@ -73,7 +71,7 @@ def identify(
     runner, optimum = search.runner, search.fine
     objective, slopes, response = optimum.objective, optimum.jacobian, optimum.check.response
 
-    analysis = analyse(runner, LinearisedOptimum.of(optimum), optimum.check.prediction)
+    analysis = analyse(runner, optimum)
     sources = error_sources(search, analysis.directions)
     changes, vector = residual_sources(sources), objective.vectors(optimum.check.prediction)[0]
     fit = fit_quality(objective, vector, slopes, names=runner.problem.box.names, changes=changes)
@@ -84,7 +82,7 @@ def identify(
     clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes, again=reruns)
 
     answer = replace(budgeted_answer(search, sources), fit=fit, clocks=clocks, causes=causes.findings)
-    return judged(with_own_method(analysis.added_to(answer)), search, analysis, sources, causes)
+    return judged(analysis.added_to(answer), search, analysis, sources, causes)
 
 
 LEADING = 2

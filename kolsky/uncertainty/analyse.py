@@ -18,8 +18,10 @@ from doe.uncertainty import VerdictKind
 from kolsky.bars.signals.transducers import ForceBins, force_between
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import Model, at_inner_face, search
+from kolsky.inverse.estimates import with_own_method
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME, Observations, Prediction
+from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import (
     POSTERIOR,
     PROFILE,
@@ -239,7 +241,7 @@ class UncertaintyAnalysis:
             name: replace(e, sigma_systematic=self.sigma_systematic(name))
             for name, e in result.estimates.items()
         }
-        return replace(
+        whole = replace(
             result,
             estimates=estimates,
             systematic=self.systematic,
@@ -249,6 +251,7 @@ class UncertaintyAnalysis:
             variations=self.variations,
             methods=(*result.methods, *self.methods(estimates)),
         )
+        return with_own_method(whole)
 
     def methods(self, estimates: dict[str, Estimate]) -> Iterator[Method]:
         """Profile and posterior, compared with the answer."""
@@ -269,14 +272,15 @@ class UncertaintyAnalysis:
             yield compared(POSTERIOR, values, converged=self.posterior.converged, ended=ended)
 
 
-def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:
+def analyse(runner: Runner, fine: RefinedOptimum) -> UncertaintyAnalysis:
     """Declared uncertainties, profiles, other choices of the analyst and, if requested, the posterior.
 
-    ``answer``, ``check``: the end of the search, and the prediction of the run on the refined mesh there.
+    ``fine``: the end of the search, with its run on the refined mesh.
 
     Raises ValueError if a run with another value of an input that is declared uncertain does not complete,
     and ImportError if the posterior is requested and emcee is not installed.
     """
+    answer = LinearisedOptimum.of(fine)
     with runner.work.stage("inputs"):
         directions = input_directions(runner, answer.x, answer.objective, answer.vector)
         systematic = declarations(runner.problem.shot, directions)
@@ -290,7 +294,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     varied: tuple[Variation, ...] = ()
     if found is not None:
         with runner.work.stage("choices"):
-            varied = variations(runner, answer, found, check)
+            varied = variations(runner, answer, found, fine.check.prediction)
     sampled = None
     if runner.problem.settings.bayes and found is not None:
         with runner.work.stage("posterior"):
