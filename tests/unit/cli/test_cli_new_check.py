@@ -11,7 +11,7 @@ import pytest
 from damaged_shots import BAD
 from kolsky_command import json_of, run_kolsky
 from matplotlib import pyplot as plt
-from shot_folders import FILES, OPEN_01, OPEN_02, ROOT, shot_in, state
+from shot_folders import FILES, OPEN_01, OPEN_02, ROOT, state
 from typer.testing import CliRunner
 
 from kolsky.cli import app
@@ -20,11 +20,6 @@ from kolsky.report.figures.recordings import three_frames
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()
-
-
-@pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    return shot_in(tmp_path / "shot")
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -34,11 +34,6 @@ from kolsky.results.hdf5 import read_identification
 runner = CliRunner()
 
 
-@pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    return shot_in(tmp_path / "shot")
-
-
 # The whole way, once
 
 
