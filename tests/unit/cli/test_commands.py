@@ -1,6 +1,5 @@
 """`kolsky identify`, `simulate` and `sweep` end to end on tiny meshes, and their error messages."""
 
-import csv
 import errno
 import json
 import os
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 import typer
 from damaged_shots import BAD
-from kolsky_command import json_of, run_kolsky
+from kolsky_command import json_of, rows_of, run_kolsky
 from rich.text import Text
 from shot_folders import FILES, OPEN_01, QUICK, ROOT, TINY, shot_in, state
 from synthetic import synthetic
@@ -103,13 +102,11 @@ def test_simulate(shot: Path) -> None:
     folder = shot / "results" / "simulation"
     assert said["folder"] == str(folder)
     assert (folder / "mesh.pvd").exists()
-    with (folder / "force.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(folder / "force.csv")
     misfit = [abs(float(r["simulated force (N)"]) - float(r["measured force (N)"])) for r in rows]
     # Eq. (M.4) from the written table, nine digits a value.
     assert sum(misfit) == pytest.approx(said["phi_force"], rel=1e-6)
-    with (folder / "profile.csv").open(newline="") as file:
-        outline = list(csv.DictReader(file))
+    outline = rows_of(folder / "profile.csv")
     assert len(outline) == said["n_shape"] + said["n_outside"]
 
 
@@ -159,8 +156,7 @@ def test_sweep(shot: Path) -> None:
     ]  # fmt: skip
     said = json_of(*arguments)
     assert (said["runs"], said["completed"], said["warnings"]) == (6, 6, [])
-    with (shot / "results" / "sweep.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(shot / "results" / "sweep.csv")
     assert [float(r["stiffness_factor (1)"]) for r in rows] == [1.0, 1.0, 1.15, 1.15, 1.3, 1.3]
     assert [float(r["damping (s)"]) for r in rows] == pytest.approx([0.0, 5e-5] * 3)
     phi = [float(r["Phi_F (N)"]) / 1000.0 + float(r["Phi_S (1)"]) / 0.001 for r in rows]  # Eq. (M.5)
@@ -184,10 +180,8 @@ def test_sweep_over_the_release_stress(shot: Path) -> None:
     file = shot / "shot.toml"
     text = file.read_text("utf-8").replace('faces = "bonded" ', 'faces = "bonded_release" ')
     file.write_text(text.replace("# friction = 0.3 ", 'release_stress = "50 kPa" '), "utf-8")
-    result = run_kolsky("sweep", shot, *TINY, "--vary", "release_stress=0:100 kPa:2", "--json")
-    assert json.loads(result.stdout)["completed"] == 2
-    with (shot / "results" / "sweep.csv").open(newline="") as opened:
-        rows = list(csv.DictReader(opened))
+    assert json_of("sweep", shot, *TINY, "--vary", "release_stress=0:100 kPa:2")["completed"] == 2
+    rows = rows_of(shot / "results" / "sweep.csv")
     assert [float(r["release_stress (Pa)"]) for r in rows] == [0.0, 1e5]
     assert float(rows[0]["Phi_F (N)"]) > 1.01 * float(rows[1]["Phi_F (N)"])  # the shot's faces were bonded
 

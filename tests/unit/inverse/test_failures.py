@@ -1,6 +1,5 @@
 """Reports of failed runs to the user; the answer uses the other runs."""
 
-import csv
 import json
 import re
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import rows_of, run_kolsky
 from shot_folders import OPEN_01, TINY
 from synthetic import failed, synthetic
 
@@ -50,11 +49,6 @@ def prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(
             f"kolsky.{module}.prepare_shot", lambda shot: prepared(tuple(shot.inputs.items()))
         )
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 # Commands
