@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from damaged_shots import Mutation, toml
 from kolsky_command import run_kolsky
-from shot_folders import ROOT, shot_in, state
+from shot_folders import ROOT, state
 from typer.testing import CliRunner
 
 from benchmarks.small_cases import small_shot
@@ -50,46 +50,42 @@ REFUSED: dict[str, tuple[Mutation, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("what", REFUSED)
-def test_a_shot_with_it_is_refused(what: str, tmp_path: Path) -> None:
+def test_a_shot_with_it_is_refused(what: str, shot: Path) -> None:
     change, words = REFUSED[what]
-    folder = shot_in(tmp_path / "shot")
-    change(folder)
+    change(shot)
     with pytest.raises(InputError) as raised:
-        load_shot(folder)
+        load_shot(shot)
     said = str(raised.value)
     assert all(word in said for word in words), said
     assert "Cure: " in said
     assert "\n" not in said
 
 
-def test_the_command_refuses_in_one_line_and_writes_nothing(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    _point("47.5")(folder)
-    before = state(folder)
-    done = run_kolsky("check", folder, code=2)
+def test_the_command_refuses_in_one_line_and_writes_nothing(shot: Path) -> None:
+    _point("47.5")(shot)
+    before = state(shot)
+    done = run_kolsky("check", shot, code=2)
     assert len(done.stderr.splitlines()) == 1
-    assert state(folder) == before
+    assert state(shot) == before
 
 
-def test_a_refused_merge_leaves_no_ledger(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
+def test_a_refused_merge_leaves_no_ledger(shot: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.sqlite"
     other.write_bytes(b"SQLite format 3\x00" + bytes(2000))
-    before = state(folder)
+    before = state(shot)
     for merged in (tmp_path / "none.sqlite", other):
-        words = ["sweep", str(folder), "--design", "lhs", "--runs", "4", "--merge", str(merged)]
+        words = ["sweep", str(shot), "--design", "lhs", "--runs", "4", "--merge", str(merged)]
         done = run_kolsky(*words, code=2)
         assert merged.name in done.stderr
-        assert state(folder) == before
+        assert state(shot) == before
 
 
-def test_a_name_of_control_characters_does_not_reach_the_terminal(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    toml("format = 1", 'format = 1\nname = "a\\u001b]0;owned\\u0007b"')(folder)
-    path = folder / "scope.csv"
+def test_a_name_of_control_characters_does_not_reach_the_terminal(shot: Path) -> None:
+    toml("format = 1", 'format = 1\nname = "a\\u001b]0;owned\\u0007b"')(shot)
+    path = shot / "scope.csv"
     text = path.read_text().replace("CH1 incident (V)", "CH1\x1b[31m incident (V)", 1)
     path.write_text(text)
-    for words in (["channels", str(path)], ["check", str(folder)]):
+    for words in (["channels", str(path)], ["check", str(shot)]):
         done = CliRunner().invoke(app, words)
         assert not set(done.stdout + done.stderr) & set("\x1b\x07"), words
 

@@ -27,9 +27,9 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(shot: Path, name: str) -> N
     mutate, fragments = BAD[name]
     mutate(shot)
     before = state(shot.parent)
-    began = time.perf_counter()
+    began = time.process_time()
     result = runner.invoke(app, ["check", str(shot)])
-    assert time.perf_counter() - began < 5.0  # none of them reads 2 GB
+    assert time.process_time() - began < 5.0  # none of them reads 2 GB
     assert result.exit_code == 2, result.stdout
     assert result.stdout == ""
     assert "Traceback" not in result.stderr
@@ -145,7 +145,8 @@ def test_help_imports_nothing_heavy() -> None:
         "from kolsky.cli import main\n"
         "sys.argv = ['kolsky', '--help']\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'warp', 'numpy', 'scipy', 'matplotlib', 'pyvista', 'pint', 'pydantic', 'h5py'}\n"
+        "heavy = {'warp', 'numpy', 'scipy', 'matplotlib', 'pyvista', 'vtk', 'vtkmodules', 'pint',\n"
+        "         'pydantic', 'h5py', 'cv2', 'skimage', 'pandas', 'xarray'}\n"
         "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)\n"
     )
     result = subprocess.run(

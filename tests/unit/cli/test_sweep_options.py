@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kolsky_command import json_of, rows_of, run_kolsky
-from shot_folders import TINY, shot_in
+from shot_folders import TINY
 
 from doe.box import Constraint
 from kolsky.base.apparatus import Interface
@@ -67,8 +67,7 @@ def test_friction_is_not_varied_where_nothing_slides(
     assert choice.vary_of(interface) == wanted
 
 
-def test_the_page_of_one_parameter_has_misfits_forces_and_cost(tmp_path: Path) -> None:
-    shot = shot_in(tmp_path / "shot")
+def test_the_page_of_one_parameter_has_misfits_forces_and_cost(shot: Path) -> None:
     arguments = ["--vary", "stiffness_factor=0.9:1.2:4", "--figures", "csv"]
     said = json_of("sweep", shot, *TINY, *arguments)
     assert 0 < said["fewest_time_steps"] <= said["most_time_steps"]
@@ -137,8 +136,7 @@ def rows(folder: Path) -> list[list[str]]:
 
 
 @pytest.mark.slow
-def test_a_sweep_through_processes_is_the_same_sweep(tmp_path: Path) -> None:
-    shot = shot_in(tmp_path / "shot")
+def test_a_sweep_through_processes_is_the_same_sweep(shot: Path) -> None:
     arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0.1:0.6:3", "--where", "friction < 0.5"]
     arguments += ["--ledger", "none"]
     assert json_of(*arguments)["left_out_by_constraints"] == 1

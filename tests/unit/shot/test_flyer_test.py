@@ -57,12 +57,11 @@ def test_forces_agree_where_the_specimen_is_nearly_balanced(reduced):
     assert mass["size"] == pytest.approx(7.1e-3 * 1.0e5, rel=0.1)
 
 
-def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
-    folder = shot_in(tmp_path / "shot")
-    text = (folder / "shot.toml").read_text()
+def test_without_the_flyers_transducer_there_is_one_force(shot):
+    text = (shot / "shot.toml").read_text()
     begin, end = text.index("[incident_force]"), text.index("[frames]")
-    (folder / "shot.toml").write_text(text[:begin] + text[end:])
-    said = json_of("waves", folder)
+    (shot / "shot.toml").write_text(text[:begin] + text[end:])
+    said = json_of("waves", shot)
     assert said["synchronisation"] is None
     assert said["valid"] is None
     assert said["balanced"] is None
