@@ -23,30 +23,17 @@ from numpy.typing import NDArray
 from dic.basics import FloatArray
 from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
-from dic.camera import Camera, StereoRig
+from dic.camera import Camera
 from dic.chain.outliers import gate_residual
 from dic.correlation import Correlation, Noise, Shape
 from dic.correlation.subsets import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.stereo.epipolar_search import search, subsets
 from dic.tracking import Tracking
+from tests.helpers.speckle_pictures import facing
 
 PIXEL, DISTANCE, ANGLE = 50e-6, 0.4, np.radians(15.0)
 NOISE, SUBSET, SHORTENING = 2.0, 21, 0.2
-
-
-def cameras(side: int) -> StereoRig:
-    """Two cameras directed at the centre of the plane z = 0."""
-    found = []
-    for a in (-0.5 * ANGLE, 0.5 * ANGLE):
-        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
-        z = -centre / DISTANCE
-        x = np.array([np.cos(a), 0.0, -np.sin(a)])
-        R = np.stack([x, np.cross(z, x), z])
-        middle = 0.5 * (side - 1)
-        focal = DISTANCE / PIXEL
-        found.append(Camera(focal, focal, middle, middle, rotation=R, translation=-R @ centre))
-    return StereoRig((found[0], found[1]))
 
 
 @dataclass
@@ -98,7 +85,7 @@ class PlaneSeries:
 
 def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
     """Match, track, reconstruct and gate; returns times, launches and memory."""
-    rig = cameras(side)
+    rig = facing(ANGLE, DISTANCE, DISTANCE / PIXEL, (side, side))
     series = PlaneSeries(rig.cameras[0], side, frames), PlaneSeries(rig.cameras[1], side, frames)
     step = max(1, int(0.84 * side / np.sqrt(points)))
     rim = (
@@ -152,7 +139,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
 
 def curves(side: int, points: int, device: str) -> dict[str, Any]:
     """Points per second of the search along epipolar curves, on one core or a GPU."""
-    rig = cameras(side)
+    rig = facing(ANGLE, DISTANCE, DISTANCE / PIXEL, (side, side))
     first, second = (PlaneSeries(camera, side, 1).frame(0).astype(np.float32) for camera in rig.cameras)
     rng = np.random.default_rng(1)
     places: FloatArray = np.rint(rng.uniform(0.1 * side, 0.9 * side, (points, 2)))

@@ -20,7 +20,7 @@ from dic.correlation import Correlation, Noise, Shape
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
 from dic.tracking import Tracking
-from tests.helpers.speckle_pictures import RenderedCylinder, Speckles
+from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, facing
 
 SHAPE = (112, 112)
 RADIUS = 4.75e-3
@@ -126,24 +126,7 @@ def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
 
 def rig(angle: float) -> StereoRig:
     """Cameras on both sides of the line of sight to the axis."""
-    cameras = []
-    for a in (-0.5 * angle, 0.5 * angle):
-        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
-        z = -centre / DISTANCE
-        x = np.array([np.cos(a), 0.0, -np.sin(a)])
-        R = np.stack([x, np.cross(z, x), z])
-        focal = (DISTANCE - RADIUS) / PIXEL
-        cameras.append(
-            Camera(
-                fx=focal,
-                fy=focal,
-                cx=0.5 * (SHAPE[1] - 1),
-                cy=0.5 * (SHAPE[0] - 1),
-                rotation=R,
-                translation=-R @ centre,
-            )
-        )
-    return StereoRig((cameras[0], cameras[1]))
+    return facing(angle, DISTANCE, (DISTANCE - RADIUS) / PIXEL, SHAPE)
 
 
 def drawn(population: str, seed: int) -> OutlierScene:

@@ -68,6 +68,14 @@ def shared() -> Path:
     return SHARED
 
 
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    """A copy of open-01 that a test may change."""
+    from shot_folders import shot_in
+
+    return shot_in(tmp_path / "shot")
+
+
 @pytest.fixture(scope="session")
 def cuda() -> str:
     """Name of the first GPU, as `explicit` takes it."""

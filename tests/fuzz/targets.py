@@ -39,29 +39,18 @@ def recorders() -> list[Target]:
     """Files of oscilloscopes and recorders."""
     import readerfiles as files
 
-    from kolsky.readers.layout import Layout
     from kolsky.readers.recordings import list_channels, read_recordings
 
-    found = []
-    for name, made in {**files.FILES, **files.UNITLESS}.items():
-
-        def read(path: Path, name: str = name, made: Any = made) -> Any:
-            layout = Layout(
-                unit="V" if name in files.UNITLESS else None, time_unit="s" if name == "lecroy_csv" else None
-            )
+    def target(name: str, made: files.Made) -> Target:
+        def read(path: Path) -> Any:
             list_channels(path)
-            return read_recordings(path, list(made.channels), layout=layout)
+            return read_recordings(path, list(made.channels), layout=made.layout)
 
-        found.append(
-            Target(
-                f"recorder {name}",
-                "binary" if files.is_binary(made) else "text",
-                lambda folder, made=made: made.write(folder / made.name),
-                read,
-                told_length=files.is_binary(made),
-            )
-        )
-    return found
+        binary = files.is_binary(made)
+        form: Form = "binary" if binary else "text"
+        return Target(f"recorder {name}", form, made.written, read, told_length=binary)
+
+    return [target(name, made) for name, made in files.FILES.items()]
 
 
 def shots() -> list[Target]:

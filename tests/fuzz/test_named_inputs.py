@@ -2,15 +2,15 @@
 
 import ast
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from damaged_shots import Mutation, toml
 from kolsky_command import run_kolsky
-from shot_folders import ROOT, shot_in, state
+from shot_folders import ROOT, state
 from typer.testing import CliRunner
 
 from benchmarks.small_cases import small_shot
@@ -22,17 +22,7 @@ from tests.fuzz.hostile import ANYWHERE, IN_TEXT, OWN, traps
 from tests.fuzz.named import CORPUS, KINDS, table
 
 
-def _swap(old: str, new: str) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        path = folder / "shot.toml"
-        text = path.read_text()
-        assert old in text
-        path.write_text(text.replace(old, new, 1))
-
-    return change
-
-
-def _point(value: str) -> Callable[[Path], None]:
+def _point(value: str) -> Mutation:
     """Another distance from the axis in one row of the outline."""
 
     def change(folder: Path) -> None:
@@ -45,13 +35,13 @@ def _point(value: str) -> Callable[[Path], None]:
     return change
 
 
-REFUSED: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
-    "a length of 65 mm": (_swap('length = "6.5 mm"', 'length = "65 mm"'),
+REFUSED: dict[str, tuple[Mutation, tuple[str, ...]]] = {
+    "a length of 65 mm": (toml('length = "6.5 mm"', 'length = "65 mm"'),
      ("centreline.csv", "length of 65 mm", "reaches 5.881 mm")),
-    "a length of 6.5 m": (_swap('length = "6.5 mm"', 'length = "6.5 m"'),
+    "a length of 6.5 m": (toml('length = "6.5 mm"', 'length = "6.5 m"'),
      ("shot.toml line", "is 6500 mm, which is not the size of a specimen",
      'specimen.length = "6.5 mm" would fit')),
-    "the time as the voltage": (_swap('"CH2 transmitted (V)"', '"Time (s)"'),
+    "the time as the voltage": (toml('"CH2 transmitted (V)"', '"Time (s)"'),
      ("shot.toml line 34", "Time (s)", "rises from each of its")),
     "1e308 in the outline": (_point("1e308"), ("centreline.csv line 1001", "Z")),
     "ten radii in the outline": (_point("47.5"), ("centreline.csv line 1001", "47.5 mm")),
@@ -60,46 +50,42 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("what", REFUSED)
-def test_a_shot_with_it_is_refused(what: str, tmp_path: Path) -> None:
+def test_a_shot_with_it_is_refused(what: str, shot: Path) -> None:
     change, words = REFUSED[what]
-    folder = shot_in(tmp_path / "shot")
-    change(folder)
+    change(shot)
     with pytest.raises(InputError) as raised:
-        load_shot(folder)
+        load_shot(shot)
     said = str(raised.value)
     assert all(word in said for word in words), said
     assert "Cure: " in said
     assert "\n" not in said
 
 
-def test_the_command_refuses_in_one_line_and_writes_nothing(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    _point("47.5")(folder)
-    before = state(folder)
-    done = run_kolsky("check", folder, code=2)
+def test_the_command_refuses_in_one_line_and_writes_nothing(shot: Path) -> None:
+    _point("47.5")(shot)
+    before = state(shot)
+    done = run_kolsky("check", shot, code=2)
     assert len(done.stderr.splitlines()) == 1
-    assert state(folder) == before
+    assert state(shot) == before
 
 
-def test_a_refused_merge_leaves_no_ledger(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
+def test_a_refused_merge_leaves_no_ledger(shot: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.sqlite"
     other.write_bytes(b"SQLite format 3\x00" + bytes(2000))
-    before = state(folder)
+    before = state(shot)
     for merged in (tmp_path / "none.sqlite", other):
-        words = ["sweep", str(folder), "--design", "lhs", "--runs", "4", "--merge", str(merged)]
+        words = ["sweep", str(shot), "--design", "lhs", "--runs", "4", "--merge", str(merged)]
         done = run_kolsky(*words, code=2)
         assert merged.name in done.stderr
-        assert state(folder) == before
+        assert state(shot) == before
 
 
-def test_a_name_of_control_characters_does_not_reach_the_terminal(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    _swap("format = 1", 'format = 1\nname = "a\\u001b]0;owned\\u0007b"')(folder)
-    path = folder / "scope.csv"
+def test_a_name_of_control_characters_does_not_reach_the_terminal(shot: Path) -> None:
+    toml("format = 1", 'format = 1\nname = "a\\u001b]0;owned\\u0007b"')(shot)
+    path = shot / "scope.csv"
     text = path.read_text().replace("CH1 incident (V)", "CH1\x1b[31m incident (V)", 1)
     path.write_text(text)
-    for words in (["channels", str(path)], ["check", str(folder)]):
+    for words in (["channels", str(path)], ["check", str(shot)]):
         done = CliRunner().invoke(app, words)
         assert not set(done.stdout + done.stderr) & set("\x1b\x07"), words
 
@@ -107,7 +93,7 @@ def test_a_name_of_control_characters_does_not_reach_the_terminal(tmp_path: Path
 def test_a_wave_speed_of_1e300_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "bar"
     shutil.copytree(ROOT / "runs" / "bar-01", folder)
-    _swap('wave_speed = "5000 m/s"', 'wave_speed = "1e300 m/s"')(folder)
+    toml('wave_speed = "5000 m/s"  ', 'wave_speed = "1e300 m/s"  ')(folder)
     done = run_kolsky("waves", folder, code=2)
     (line,) = done.stderr.splitlines()
     assert "wave_speed" in line

@@ -51,7 +51,6 @@ def environment(source: Path) -> dict[str, str]:
     fixed = {
         "PYTHONPATH": str(source), "MPLBACKEND": "Agg", "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb",
     }  # fmt: skip
-    fixed |= {"COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "TZ": "UTC"}
     return {**os.environ, **fixed, **dict.fromkeys(LIBRARY_THREADS, "1")}
 

@@ -3,7 +3,7 @@
 import struct
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
@@ -13,6 +13,7 @@ import xlwt
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import FORMATS
 
 START, INTERVAL, SAMPLES = -5e-6, 1e-7, 400
@@ -326,6 +327,12 @@ class Made:
     write: Callable[[Path], Path]
     name: str
     channels: tuple[str, ...]
+    layout: Layout = field(default_factory=Layout)
+    """What a user must declare, because the file does not say it."""
+
+    def written(self, folder: Path) -> Path:
+        """The file in a folder."""
+        return self.write(folder / self.name)
 
 
 FILES = {
@@ -351,19 +358,16 @@ FILES = {
     "tektronix_wfm": Made(tektronix_wfm, "a.wfm", ("CH1",)),
     "yokogawa_wfm": Made(yokogawa_wfm, "a.wfm", ("CH1",)),
     "rohde_schwarz": Made(rohde_schwarz, "a.bin", ("CH1", "CH2")),
+    "lecroy_csv": Made(lecroy_csv, "a.csv", ("CH1", "CH2"), Layout(unit="V", time_unit="s")),
+    "mat": Made(mat, "a.mat", ("CH1", "CH2"), Layout(unit="V")),
+    "mat73": Made(mat73, "a.mat", ("CH1", "CH2"), Layout(unit="V")),
 }
-"""Formats that contain units and clock."""
-UNITLESS = {
-    "lecroy_csv": Made(lecroy_csv, "a.csv", ("CH1", "CH2")),
-    "mat": Made(mat, "a.mat", ("CH1", "CH2")),
-    "mat73": Made(mat73, "a.mat", ("CH1", "CH2")),
-}
-"""Formats for which a user must declare the unit."""
+"""The formats by name."""
 
 
 def is_binary(made: Made) -> bool:
     """Whether the detected format of a file is a binary format."""
     with tempfile.TemporaryDirectory() as folder:
-        path = made.write(Path(folder) / made.name)
+        path = made.written(Path(folder))
         found = next(name for name, form in FORMATS.items() if form.sniff(path))
         return found not in ("lvm", "tektronix", "lanl", "delimited")

@@ -12,11 +12,16 @@ TINY = ["--mesh", "8x11"]
 QUICK = [*TINY, "--free", "stiffness_factor", "--refined-mesh", "12x16", "--replicates", "2"]
 
 
-def shot_in(folder: Path) -> Path:
-    """A copy of open-01 in a new folder."""
-    folder.mkdir()
+def shot_in(folder: Path, *changes: tuple[str, str]) -> Path:
+    """A copy of open-01 in a new folder, with some texts of its file replaced, each where it is first."""
+    folder.mkdir(parents=True)
     for name in FILES:
         shutil.copy(OPEN_01 / name, folder)
+    text = (folder / "shot.toml").read_text("utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "shot.toml").write_text(text, "utf-8")
     return folder
 
 

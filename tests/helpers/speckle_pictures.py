@@ -12,13 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.basics import FloatArray
-from dic.camera import Camera
+from dic.camera import Camera, StereoRig
 
 Inverse = Callable[[FloatArray], FloatArray]
 """From positions in a picture (x, y) [px] to positions in the material picture, both of shape [..., 2]."""
@@ -282,3 +283,16 @@ def plane(folder: Path) -> Path:
         cv2.imwrite(str(folder / f"cam0_{k:03d}.png"), picture.astype(np.uint8))
     (folder / "dic.toml").write_text(PLANE_TOML, encoding="utf-8")
     return folder
+
+
+def facing(angle: float, distance: float, focal: float, shape: tuple[int, int], **lens: Any) -> StereoRig:
+    """Two cameras side by side, `angle` [rad] apart, that look at the origin from a distance [m]; y is up."""
+    cameras = []
+    for a in (-0.5 * angle, 0.5 * angle):
+        centre = distance * np.array([np.sin(a), 0.0, np.cos(a)])
+        z = -centre / distance
+        x = np.array([np.cos(a), 0.0, -np.sin(a)])
+        R = np.stack([x, np.cross(z, x), z])
+        cy, cx = (0.5 * (n - 1) for n in shape)
+        cameras.append(Camera(focal, focal, cx, cy, rotation=R, translation=-R @ centre, **lens))
+    return StereoRig((cameras[0], cameras[1]))

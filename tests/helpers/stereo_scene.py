@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from speckle_pictures import RenderedCylinder, Speckles
+from speckle_pictures import RenderedCylinder, Speckles, facing
 
 from dic.camera import Camera, StereoRig
 
@@ -22,19 +22,7 @@ DISTANCE = 0.3
 
 def rig(angle: float = 12.5) -> StereoRig:
     """Cameras side by side that look at the axis from `DISTANCE`, `angle` [°] apart, with lens distortion."""
-    cameras = []
-    for a in np.radians([-angle / 2.0, angle / 2.0]):
-        centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
-        z = -centre / DISTANCE
-        x = np.array([np.cos(a), 0.0, -np.sin(a)])
-        R = np.stack([x, np.cross(z, x), z])
-        middle = (SHAPE[1] - 1) / 2.0
-        cameras.append(
-            Camera(
-                fx=FOCAL, fy=FOCAL, cx=middle, cy=middle, distortion=LENS, rotation=R, translation=-R @ centre
-            )
-        )
-    return StereoRig((cameras[0], cameras[1]))
+    return facing(np.radians(angle), DISTANCE, FOCAL, SHAPE, distortion=LENS)
 
 
 def turned_pair(cx: float, cy: tuple[float, float]) -> StereoRig:

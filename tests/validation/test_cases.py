@@ -1,6 +1,5 @@
 """Small files of real kinds that are easily misread: each command gives the correct value."""
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -69,9 +68,8 @@ def test_names_and_units_of_columns(name, columns, shared):
 
 def fitted(path: Path, folder: Path, *options: str) -> float:
     """Shear modulus of a neo-Hookean fit [kPa]."""
-    words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--json", "--out", str(folder)]
-    run = run_kolsky("material", "fit", path, *words, *options)
-    (law,) = json.loads(run.stdout)["laws"]
+    words = ["--convention", "tension-positive", "--laws", "neo_hookean", "--out", str(folder)]
+    (law,) = json_of("material", "fit", path, *words, *options)["laws"]
     return 1e-3 * float(law["fit"]["constants"]["mu"])
 
 
@@ -124,8 +122,7 @@ def test_a_workbook_may_stand_as_the_curve_of_a_shot(shared, tmp_path):
 
 def printed(path: Path, folder: Path, *command: str) -> dict[str, Any]:
     """What a command on a file of the cases prints with --json."""
-    run = run_kolsky(*command, path, "--json", "--out", folder)
-    found: dict[str, Any] = json.loads(run.stdout)
+    found: dict[str, Any] = json_of(*command, path, "--out", folder)
     return found
 
 
@@ -204,10 +201,9 @@ def test_a_closed_cavity_bends_as_felupe_says(shared, tmp_path):
 @pytest.mark.slow
 def test_the_intervals_of_a_bonded_cylinder_contain_its_constants(shared, tmp_path):
     words = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]
-    words += ["--specimen", "80 mm x 70 mm", "--ends", "bonded", "--laws", "reduced_polynomial", "--json"]
+    words += ["--specimen", "80 mm x 70 mm", "--ends", "bonded", "--laws", "reduced_polynomial"]
     path = shared / "data/cases/bonded/push.csv"
-    run = run_kolsky("material", "fit", path, *words, "--out", tmp_path)
-    found = json.loads(run.stdout)
+    found = json_of("material", "fit", path, *words, "--out", tmp_path)
     (law,) = found["laws"]
     for name, right in (("C10", 1404.9), ("C20", 699.4)):
         assert abs(law["constants"][name] - right) < 2.0 * law["sigma"][name]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from damaged_shots import toml
 from kolsky_command import json_of, run_kolsky
 from scipy.interpolate import CubicSpline
 from shared_data import data
@@ -69,13 +70,6 @@ def copy(short, tmp_path) -> Path:
     return Path(shutil.copytree(short, tmp_path / "open-01", symlinks=True))
 
 
-def replaced(folder: Path, old: str, new: str) -> None:
-    path = folder / "shot.toml"
-    text = path.read_text()
-    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times"
-    path.write_text(text.replace(old, new))
-
-
 def test_check_opens_and_counts(short):
     told = json_of("check", short)
     assert told["pictures"]["camera_1,_size"]["value"] == "128 x 128 px at (192, 192) of the sensor"
@@ -98,14 +92,14 @@ REFUSED = {
      ["pictures.camera_0.file", "names a missing file"]),
     "no pictures": (lambda f: (f / "cam0.tif").write_text("nothing"),
      ["pictures.camera_0.file", "cannot be used", "is not a TIFF"]),
-    "no calibration": (lambda f: replaced(f, "[calibration]\n", "[window2]\n"),
+    "no calibration": (toml("[calibration]\n", "[window2]\n"),
      ["is not a known key", "calibration"]),
-    "half a region": (lambda f: replaced(f, ", y = [6, 121] }", " }"), ["dic.specimen", "is not a region"]),
-    "both sources": (lambda f: replaced(f, 'camera_0 = "calibration/cam0_*.png"',
+    "half a region": (toml(", y = [6, 121] }", " }"), ["dic.specimen", "is not a region"]),
+    "both sources": (toml('camera_0 = "calibration/cam0_*.png"',
      'file = "rig.xml"\ncamera_0 = "c/a_*.png"'), ["calibration.camera_0", "in addition to file"]),
-    "an even subset": (lambda f: replaced(f, "subset = 25", "subset = 24"),
+    "an even subset": (toml("subset = 25", "subset = 24"),
      ["dic.subset", "odd, from 5 to 101"]),
-    "no pattern": (lambda f: replaced(f, "calibration/cam0_*.png", "calibration/cam0_00.png"),
+    "no pattern": (toml("calibration/cam0_*.png", "calibration/cam0_00.png"),
      ["calibration.camera_0", "matches one file at most"]),
 }  # fmt: skip
 
@@ -123,7 +117,7 @@ def test_what_cannot_be_right_is_refused(copy, name):
 def test_a_crop_outside_the_sensor_is_refused(copy):
     for camera in (0, 1):
         old = f'"cam{camera}.tif", crop_offset = [192, 192]'
-        replaced(copy, old, old.replace("[192", "[400"))
+        toml(old, old.replace("[192", "[400"))(copy)
     result = run_kolsky("dic", copy, code=2)
     assert "puts 128 x 128 px at (400, 192) of the 512 x 512 px" in result.stderr
 

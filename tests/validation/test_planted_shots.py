@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import json_of, run_kolsky
 
 from populations.joint_coverage import SLOW_SIGMA, Study, relaxation_test
 
@@ -118,8 +118,7 @@ def test_one_relaxing_shot_identified_as_an_elastic_one_recommends_to_try_it(tmp
         run_kolsky(*make, "--only", "1")
         (file,) = (folder / "shots").glob("*/shot.toml")
         file.write_text(re.sub(r"\[relaxation\]\n([^\[].*\n|\n)*", "", file.read_text("utf-8")))
-        words = ["identify", str(file.parent), *MESHES, "--out", str(folder / "out"), "--json"]
-        done = run_kolsky(*words)
-        said.append(" ".join(json.loads(done.stdout)["warnings"]))
+        words = ["identify", str(file.parent), *MESHES, "--out", str(folder / "out")]
+        said.append(" ".join(json_of(*words)["warnings"]))
     assert "identify again with --relaxation prony" in said[0]
     assert "--relaxation prony" not in said[1]

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from kolsky_command import rows_of
 from scipy.io import whosmat
 
 from kolsky.base.errors import InputError
@@ -110,8 +111,7 @@ def test_opencorr_on_the_stereo_challenge(shared, tmp_path):
     path = tmp_path / "OpenCorr_GT4-0273_result.csv"
     path.write_bytes(gzip.decompress(source.read_bytes()))
     export = read([path], "opencorr")
-    with path.open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = rows_of(path)
     assert export.X.shape == (len(rows), 3) == (9997, 3)
     assert (export.state == PointState.VALID).all()
     here = np.array([[float(row[f"tar_{c}"]) for c in "xyz"] for row in rows]) * 1e-3

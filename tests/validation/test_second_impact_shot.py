@@ -4,7 +4,6 @@ The flyer is set in motion, stopped and pushed back as by a spring. Then the bar
 virtual make` makes the folder from this motion. The answer is compared with the true values.
 """
 
-import json
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import json_of, run_kolsky
 
 import kolsky
 from kolsky.base.records import FlyerMotion
@@ -73,9 +72,8 @@ def made(folder: Path, faces: str, mesh: tuple[int, int]) -> Path:
 
 def identified(shot: Path, *meshes: str) -> dict[str, Any]:
     """What the command says."""
-    words = ["identify", str(shot), "--mesh", meshes[0], "--refined-mesh", meshes[1], "--json"]
-    done = run_kolsky(*words, "--out", shot / "out")
-    return dict(json.loads(done.stdout))
+    words = ["identify", str(shot), "--mesh", meshes[0], "--refined-mesh", meshes[1]]
+    return dict(json_of(*words, "--out", shot / "out"))
 
 
 @pytest.mark.long  # 25 s of one core

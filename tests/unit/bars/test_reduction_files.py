@@ -1,6 +1,5 @@
 """Files and texts of a synthetic reduction, and the audit log."""
 
-import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from kolsky_command import rows_of
 from wavesmaker import made_result
 
 from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches, correction_of, table_of
@@ -180,8 +180,7 @@ def test_tables_have_units_in_their_headings(tmp_path: Path) -> None:
     write_tables(tmp_path, tables(between_bars()))
     made = {}
     for path in tmp_path.glob("*.csv"):
-        with path.open(newline="") as file:
-            made[path.stem] = list(csv.DictReader(file))
+        made[path.stem] = rows_of(path)
     last = made["waves"][-1]
     assert float(last["stress, three waves (Pa)"]) == 4e6
     assert float(last["sigma of stress, one wave (Pa)"]) == 1e4

@@ -1,11 +1,11 @@
 """Bend, its slope and the inverse of both: closed forms, differences, and known answers."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kolsky_command import rows_of
 
 from explicit.materials import LAWS
 from kolsky.bodies.actuator_bending import Search, SearchEnd, implausible_load, pressure_for, pressures_for
@@ -193,8 +193,8 @@ ROOT = Path(__file__).resolve().parents[3]
 @pytest.mark.parametrize("gravity", [pytest.param("downward", marks=pytest.mark.long), "upward"])
 def test_bend_is_that_of_dolfinx(gravity: str) -> None:
     read = read_actuator(ROOT / "runs" / "actuator" / "pneunet.toml")
-    with (ROOT / "tests" / "reference" / "K_pneunet.csv").open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["gravity"] == gravity]
+    rows = rows_of(ROOT / "tests" / "reference" / "K_pneunet.csv")
+    rows = [row for row in rows if row["gravity"] == gravity]
     pressures = sorted({float(row["pressure (Pa)"]) for row in rows})
     assert pressures[1:] == pytest.approx([30e3, 50e3, 76e3])
     run = read.actuator.simulate(read.gravities[gravity], np.array(pressures))

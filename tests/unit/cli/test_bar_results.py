@@ -1,7 +1,6 @@
 """Files and numbers of `kolsky waves` and `check` on a test between bars with an answer in closed form."""
 
 import csv
-import json
 from pathlib import Path
 
 import h5py
@@ -387,9 +386,7 @@ def test_a_hostile_name_is_escaped_and_stays_in_its_folder(tmp_path):
 
 def test_repeats_give_a_mean_with_a_band_that_covers(tmp_path):
     folders = [called(tmp_path / name, name, seed=seed, every=4) for seed, name in enumerate("abc")]
-    arguments = ["repeats", *map(str, folders), "--out", str(tmp_path / "mean"), "--figures", "svg", "--json"]
-    result = run_kolsky(*arguments)
-    said = json.loads(result.stdout)
+    said = json_of("repeats", *folders, "--out", tmp_path / "mean", "--figures", "svg")
     assert said["tests"] == ["a", "b", "c"]
     low, high = said["largest_mean_stress"]["band"]
     # The largest of a noisy plateau lies above it by some of its noise, 1e-6 of strain or 0.8 MPa a sample.

@@ -1,6 +1,5 @@
 """`kolsky dic` on a dic.toml: files, tables and page from synthetic pictures with a known displacement."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from boards import CALIBRATION, LENS, MATRIX, SHIFT, board_series
-from kolsky_command import json_of, run_kolsky
+from kolsky_command import json_of, rows_of, run_kolsky
 from speckle_pictures import render, speckle_pattern
 
 from dic.camera_files import read_rig
@@ -86,14 +85,12 @@ def test_the_errors_of_points_are_those_that_are_stated(done):
 
 def test_files_tables_and_page_are_there(done):
     out, _ = done
-    with (out / "csv" / "frame_0002.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(out / "csv" / "frame_0002.csv")
     lost = [row for row in rows if row["outcome"] != "VALID"]
     assert all(row["U (m)"] == "" for row in lost)
     assert float(rows[40]["U (m)"]) == pytest.approx((float(rows[40]["x0 (px)"]) - 63.5) * 2e-7, abs=3e-7)
     assert (out / "vtu" / "field_00002.vtu").stat().st_size > 1000
-    with (out / "history.csv").open() as file:
-        history = list(csv.DictReader(file))
+    history = rows_of(out / "history.csv")
     assert [row["points"] for row in history] == [str(len(rows) - len(lost))] * 3
     page = (out / "dic.html").read_text()
     assert "extensometer axial" in page
@@ -209,8 +206,7 @@ def test_the_files_say_the_same(calibrated):
     for name in ("rig-dice.xml", "rig-opencorr.txt"):
         # these programs' files hold six digits or more
         np.testing.assert_allclose(read_rig(out / name).relative[1], answer["translation"], atol=1e-6)
-    with (out / "calibration.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(out / "calibration.csv")
     used = [row for row in rows if row["used"] == "1"]
     residual = [[float(row["residual x (px)"]), float(row["residual y (px)"])] for row in used]
     rms = np.sqrt(np.mean(np.sum(np.square(residual), axis=1)))

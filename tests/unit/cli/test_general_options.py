@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 import typer
 from json_rows import compare, row_of, rows
-from shot_folders import shot_in
 from typer.testing import CliRunner
 
 from doe.ledger import Pace
@@ -88,10 +87,9 @@ def test_progress_on_a_terminal_is_one_line_that_goes(monkeypatch: pytest.Monkey
     assert said.endswith("\x1b[2K")  # the line is erased
 
 
-def test_a_new_shot_says_what_it_found_as_one_object(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    (folder / "shot.toml").unlink()
-    said = json.loads(runner.invoke(app, ["new", str(folder), "--json"]).stdout)
+def test_a_new_shot_says_what_it_found_as_one_object(shot: Path, tmp_path: Path) -> None:
+    (shot / "shot.toml").unlink()
+    said = json.loads(runner.invoke(app, ["new", str(shot), "--json"]).stdout)
     assert set(said) == {"file", "found", "recordings", "doubtful", "to_fill_in"}
     assert said["found"]["force"] == "scope.csv"
     assert "specimen.diameter" in said["to_fill_in"]

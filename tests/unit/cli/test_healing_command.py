@@ -1,13 +1,12 @@
 """`kolsky material healing`: known constants and fractures, efficiencies by hand, rejected inputs."""
 
-import csv
 import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import json_of, rows_of, run_kolsky
 from typer.testing import CliRunner
 
 from kolsky.cli import app
@@ -39,8 +38,7 @@ def test_planted_groups(tmp_path):
     ]
     words = [word for file in before for word in ("--undamaged", file)]
     words += [word for file in after for word in ("--healed", file)]
-    done = run_kolsky(*HEALING, *words, "--out", tmp_path / "out", "--json")
-    said = json.loads(done.stdout)
+    said = json_of(*HEALING, *words, "--out", tmp_path / "out")
     mu, strain = said["properties"]["mu"], said["properties"]["fracture strain"]
     assert mu["undamaged"]["value"] == pytest.approx(2.1e5, rel=1e-6)
     assert mu["healed"]["value"] == pytest.approx(2.0e5, rel=1e-6)
@@ -55,16 +53,14 @@ def test_planted_groups(tmp_path):
     # Gaussian rubber's tangent falls by 1/(1 + e)^3: to 5 % its regression is below 3 mu.
     modulus = said["properties"]["Young's modulus to 5 %"]
     assert 0.93 * 6.3e5 < modulus["undamaged"]["value"] < 6.3e5
-    with (tmp_path / "out" / "healing.csv").open(encoding="utf-8") as file:
-        assert [row["property"] for row in csv.DictReader(file)] == list(said["properties"])
+    assert [row["property"] for row in rows_of(tmp_path / "out" / "healing.csv")] == list(said["properties"])
 
 
 def test_one_specimen_has_no_scatter_and_no_break_no_fracture(tmp_path):
     one, other = tensile(tmp_path / "u.csv", 2e5, 1.3), tmp_path / "h.csv"
     lines = tensile(other, 1.8e5, 1.2) and other.read_text().splitlines()
     other.write_text("\n".join(lines[:-2]) + "\n")  # the record ends before the break
-    done = run_kolsky(*HEALING, "--undamaged", one, "--healed", other, "--out", tmp_path / "out", "--json")
-    said = json.loads(done.stdout)
+    said = json_of(*HEALING, "--undamaged", one, "--healed", other, "--out", tmp_path / "out")
     assert "fracture stress" not in said["properties"]
     assert said["properties"]["mu"]["efficiency"] == {"value": pytest.approx(0.9, rel=1e-6), "sigma": None}
     assert sum("is unknown" in remark for remark in said["remarks"]) == 2

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from dask_processes import dask_processes
 from kolsky_command import run_kolsky
+from shot_folders import shot_in
 
 from kolsky.base.errors import InputError, InputErrors
 from kolsky.cli import identify as module
@@ -22,7 +23,6 @@ from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import is_quiet, printing
 from kolsky.inverse.settings import Numerics, Settings
 
-OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 ALIKE = SingleShotJob(Path("none"), Settings())
 
 
@@ -173,11 +173,8 @@ def test_a_refusal_comes_back_from_a_worker_as_it_was() -> None:
 @pytest.mark.filterwarnings("default")  # Dask's own
 def test_processes_and_dask_give_the_bits_of_one_process(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    shots = [tmp_path / name for name in ("a", "b")]
-    for shot in shots:
-        shutil.copytree(OPEN_01, shot, ignore=shutil.ignore_patterns("results"))
-    text = (shots[1] / "shot.toml").read_text("utf-8")
-    (shots[1] / "shot.toml").write_text(text.replace('length = "6.5 mm"', 'length = "6.52 mm"'), "utf-8")
+    longer = ('length = "6.5 mm"', 'length = "6.52 mm"')
+    shots = [shot_in(tmp_path / "a"), shot_in(tmp_path / "b", longer)]
     words = ["identify", *map(str, [*shots, tmp_path / "none"]), "--each", "--json", "--mesh", "8x11"]
     words += ["--refined-mesh", "16x22", "--hold", "poisson", "--hold", "damping", "--replicates", "4"]
 

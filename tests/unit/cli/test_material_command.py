@@ -1,12 +1,11 @@
 """`kolsky material fit`: files and their signs, output, rejected inputs."""
 
-import csv
 import json
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import rows_of, run_kolsky
 
 from explicit.materials.laws.polynomial import MooneyRivlin
 from kolsky.base.errors import InputError
@@ -45,11 +44,9 @@ def test_from_files_to_a_report(tmp_path):
     assert best["stable_over_data"] is True
     assert [(t["name"], t["mode"]) for t in said["tests"]] == [("push", "uniaxial"), ("wide", "equibiaxial")]
     assert set(said["inputs"]) == {str(push), str(wide)}
-    with (out / "material_constants.csv").open(encoding="utf-8") as file:
-        states = {(r["law"], r["constant"]): r["state"] for r in csv.DictReader(file)}
+    states = {(r["law"], r["constant"]): r["state"] for r in rows_of(out / "material_constants.csv")}
     assert states["mooney_rivlin_2", "C11"] == "held"
-    with (out / "material_curves.csv").open(encoding="utf-8") as file:
-        curves = list(csv.DictReader(file))
+    curves = rows_of(out / "material_curves.csv")
     assert len(curves) == 30
     assert float(curves[0]["mooney_rivlin_2 (Pa)"]) == pytest.approx(
         float(curves[0]["measured (Pa)"]), rel=1e-6

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import json_of, run_kolsky
 from laboratory_files import TYPED, laboratory
 from typer.testing import CliRunner
 
@@ -100,9 +100,8 @@ def test_the_walk_ends_with_the_answer(lab: Path) -> None:
     folder = lab.parent / "identified"
     shutil.copytree(lab, folder)
     (folder / "shot.toml").write_text(fill_in(text, TYPED), encoding="utf-8")
-    options = ["--mesh", "16x22", "--refined-mesh", "24x32", "--replicates", "2", "--json"]
-    done = run_kolsky("identify", folder, *options)
-    found = json.loads(done.stdout)
+    options = ["--mesh", "16x22", "--refined-mesh", "24x32", "--replicates", "2"]
+    found = json_of("identify", folder, *options)
     assert found["stiffness_factor"]["value"] == pytest.approx(1.12, rel=0.03)
     assert not any("does not explain" in warning for warning in found["warnings"])
 

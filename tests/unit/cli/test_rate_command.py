@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from kolsky_command import run_kolsky
 from ratedshots import found
-from shot_folders import FILES, OPEN_01
+from shot_folders import OPEN_01, shot_in
 
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
@@ -22,14 +22,10 @@ EVIL = "<script>x</script> ../../up"
 
 def identified(folder: Path, name: str, m: float, share: float, *, lines: str = "", rate: str = "") -> Path:
     """A copy of open-01 whose flyer moves by a share of its way, with a made-up result."""
-    folder.mkdir(parents=True)
-    for file in FILES:
-        shutil.copy(OPEN_01 / file, folder)
-    text = (folder / "shot.toml").read_text("utf-8")
-    text = text.replace("format = 1\n", f'format = 1\nname = "{name}"\n{lines}', 1)
+    changes = [("format = 1\n", f'format = 1\nname = "{name}"\n{lines}')]
     if rate:
-        text = text.replace("relative_sigma", f'strain_rate = "{rate}"\nrelative_sigma', 1)
-    (folder / "shot.toml").write_text(text, "utf-8")
+        changes += [("relative_sigma", f'strain_rate = "{rate}"\nrelative_sigma')]
+    shot_in(folder, *changes)
     rows = (folder / "flyer.csv").read_text("utf-8").splitlines()
     cells = [row.split(",") for row in rows[1:]]
     moved = [f"{number},{time},{share * float(way):.5f}" for number, time, way in cells]
@@ -186,9 +182,6 @@ def test_a_damaged_result_is_one_line(shots, tmp_path):
 
 @pytest.mark.parametrize("line", ['rig = ""', "rig = 3", 'strain_rate = "0.03 1/s"'])
 def test_impossible_declarations_are_refused(tmp_path, line):
-    shot = tmp_path / "shot"
-    shutil.copytree(OPEN_01, shot, ignore=shutil.ignore_patterns("results"))
-    text = (shot / "shot.toml").read_text("utf-8")
-    (shot / "shot.toml").write_text(text.replace("format = 1\n", f"format = 1\n{line}\n", 1), "utf-8")
+    shot = shot_in(tmp_path / "shot", ("format = 1\n", f"format = 1\n{line}\n"))
     said = run_kolsky("check", shot, code=2)
     assert line.split()[0] in said.stderr

@@ -52,33 +52,31 @@ def identified(folder: Path, **changed: object) -> None:
 
 
 @pytest.mark.usefixtures("no_old_figures")
-def test_the_page_again_without_a_simulation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_again_without_a_simulation(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **__: object) -> Response:
         raise AssertionError("a simulation")
 
     monkeypatch.setattr("explicit.run", never)
     monkeypatch.setattr("kolsky.inverse.forward.Forward.run", never)
-    folder = shot_in(tmp_path / "shot")
-    identified(folder)
-    run_kolsky("report", folder, "--figures", "csv", "--json")
-    written = {str(path.relative_to(folder / "results")) for path in (folder / "results").rglob("*.*")}
+    identified(shot)
+    run_kolsky("report", shot, "--figures", "csv", "--json")
+    written = {str(path.relative_to(shot / "results")) for path in (shot / "results").rglob("*.*")}
     assert {"report.html", "figures/raw-signals.csv", "figures/flyer-path.csv"} <= written
-    html = (folder / "results" / "report.html").read_text(encoding="utf-8")
+    html = (shot / "results" / "report.html").read_text(encoding="utf-8")
     assert 'id="raw-signals"' in html
     assert 'id="flyer-path"' in html
     first = html
-    assert runner.invoke(app, ["report", str(folder)]).exit_code == 0
-    assert (folder / "results" / "report.html").read_text(encoding="utf-8") == first
+    assert runner.invoke(app, ["report", str(shot)]).exit_code == 0
+    assert (shot / "results" / "report.html").read_text(encoding="utf-8") == first
 
 
-def test_a_result_of_other_files_is_refused(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    identified(folder)
-    with (folder / "flyer.csv").open("a", encoding="utf-8") as file:
+def test_a_result_of_other_files_is_refused(shot: Path) -> None:
+    identified(shot)
+    with (shot / "flyer.csv").open("a", encoding="utf-8") as file:
         file.write("\n")
-    result = run_kolsky("report", folder, code=2)
+    result = run_kolsky("report", shot, code=2)
     assert "made from other files than those of the shot: flyer.csv" in result.stderr
-    assert not (folder / "results" / "report.html").exists()
+    assert not (shot / "results" / "report.html").exists()
 
 
 def test_a_shot_without_a_result_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import shutil
 import signal
 import sqlite3
 import subprocess
@@ -14,7 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shot_folders import FILES, OPEN_01, ROOT
+from kolsky_command import run_kolsky
+from shot_folders import ROOT, TINY
 from typer.testing import CliRunner
 
 from doe.ledger import Ledger
@@ -27,23 +27,11 @@ from kolsky.shot.load import load_shot
 from kolsky.studies.sweep import ShotRuns, read_design
 
 runner = CliRunner()
-TINY = ["--mesh", "8x11"]
 VARY = ["--vary", "stiffness_factor=0.9:1.3", "--vary", "damping=0:50 us"]
 
 
-@pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    folder = tmp_path / "shot"
-    folder.mkdir()
-    for name in FILES:
-        shutil.copy(OPEN_01 / name, folder)
-    return folder
-
-
 def swept(shot: Path, *options: str, exit_code: int = 0) -> Any:
-    result = runner.invoke(app, ["sweep", str(shot), *TINY, *options])
-    assert result.exit_code == exit_code, result.stderr
-    return result
+    return run_kolsky("sweep", shot, *TINY, *options, code=exit_code)
 
 
 def never(*_: Any, **__: Any) -> None:

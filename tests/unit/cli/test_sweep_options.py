@@ -1,15 +1,14 @@
 """Designs from options of the command line: constraints, logarithmic parameters, workers."""
 
 import csv
-import json
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
-from shot_folders import TINY, shot_in
+from kolsky_command import json_of, rows_of, run_kolsky
+from shot_folders import TINY
 
 from doe.box import Constraint
 from kolsky.base.apparatus import Interface
@@ -68,20 +67,19 @@ def test_friction_is_not_varied_where_nothing_slides(
     assert choice.vary_of(interface) == wanted
 
 
-def test_the_page_of_one_parameter_has_misfits_forces_and_cost(tmp_path: Path) -> None:
-    shot = shot_in(tmp_path / "shot")
+def test_the_page_of_one_parameter_has_misfits_forces_and_cost(shot: Path) -> None:
     arguments = ["--vary", "stiffness_factor=0.9:1.2:4", "--figures", "csv"]
-    said = json.loads(run_kolsky("sweep", shot, *TINY, *arguments, "--json").stdout)
+    said = json_of("sweep", shot, *TINY, *arguments)
     assert 0 < said["fewest_time_steps"] <= said["most_time_steps"]
     page = (shot / "results" / "sweep.html").read_text("utf-8")
     assert 'id="sweep-effects"' in page
     assert 'id="sweep-forces"' in page
-    with (shot / "results" / "figures" / "sweep-forces.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(shot / "results" / "figures" / "sweep-forces.csv")
     one = [float(row["y"]) for row in rows if row["series"] == "$m$ = 0.9"]
     run_kolsky("simulate", shot, *TINY, "-p", "stiffness_factor=0.9")
-    with (shot / "results" / "simulation" / "force.csv").open(newline="") as file:
-        wanted = [float(row["simulated force (N)"]) for row in csv.DictReader(file)]
+    wanted = [
+        float(row["simulated force (N)"]) for row in rows_of(shot / "results" / "simulation" / "force.csv")
+    ]
     np.testing.assert_allclose(one, wanted, rtol=1e-5, atol=1e-6)  # digits of the tables
 
 
@@ -138,12 +136,10 @@ def rows(folder: Path) -> list[list[str]]:
 
 
 @pytest.mark.slow
-def test_a_sweep_through_processes_is_the_same_sweep(tmp_path: Path) -> None:
-    shot = shot_in(tmp_path / "shot")
+def test_a_sweep_through_processes_is_the_same_sweep(shot: Path) -> None:
     arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0.1:0.6:3", "--where", "friction < 0.5"]
-    arguments += ["--ledger", "none", "--json"]
-    result = run_kolsky(*arguments)
-    assert json.loads(result.stdout)["left_out_by_constraints"] == 1
+    arguments += ["--ledger", "none"]
+    assert json_of(*arguments)["left_out_by_constraints"] == 1
     alone = rows(shot)
     # A process of its own: spawned workers import the main module.
     subprocess.run([sys.executable, "-m", "kolsky.cli", *arguments, "--processes", "2"], check=True)

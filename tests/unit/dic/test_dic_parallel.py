@@ -458,8 +458,10 @@ def number(k: int) -> str:
     return f"{k} " + "x" * 100_000
 
 
-def who(wait: float = 0.05) -> int:
+def who(wait: float = 0.05, done: Path | None = None) -> int:
     time.sleep(wait)
+    if done:
+        done.touch()
     return os.getpid()
 
 
@@ -479,10 +481,12 @@ def test_both_processes_work() -> None:
 
 
 @sharing
-def test_begun_work_goes_on_while_this_process_does_something_else() -> None:
-    here, works = os.getpid(), [partial(who, 0.01)] * 12
+def test_begun_work_goes_on_while_this_process_does_something_else(tmp_path: Path) -> None:
+    here, works = os.getpid(), [partial(who, 0.01, tmp_path / str(k)) for k in range(12)]
     with allow_forks(), background_pool(works) as joined:
-        time.sleep(3.0)  # far longer than all of it takes
+        until = time.monotonic() + 60.0
+        while len(list(tmp_path.iterdir())) < 12 and time.monotonic() < until:
+            time.sleep(0.01)
         assert here not in joined()
     with background_pool(works) as joined:  # threads begin when this process joins in
         assert joined() == [here] * 12

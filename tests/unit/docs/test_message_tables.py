@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import kolsky
 from kolsky.report.figures import PLACES
 from kolsky.report.result_folder import RESULTS
-from tests.test_imports import MODULES, PACKAGES, ROOT, imports_of
+from tests.test_imports import MODULES, PACKAGES, ROOT, Import, imports_in, imports_of
 
 # Tables of messages from the sources, and required content of their pages.
 
@@ -146,11 +147,9 @@ PAGE = (ROOT / "docs" / "python_only.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 
 
-def imported(name: str, path: Path) -> set[str]:
-    """Modules of the repository that a file imports, with the packages that they are in."""
-    package = path.name == "__init__.py"
-    targets = {i.target for i in imports_of(path.read_text("utf-8"), name, is_package=package)}
-    return {part for target in targets & MODULES.keys() for part in enclosing(target)}
+def imported(imports: Iterable[Import]) -> set[str]:
+    """Modules of the repository among imports, with the packages that they are in."""
+    return {part for one in imports if one.target in MODULES for part in enclosing(one.target)}
 
 
 def enclosing(name: str) -> list[str]:
@@ -164,12 +163,12 @@ def entry_points() -> set[str]:
     found = {name for name in MODULES if "kolsky.cli" in enclosing(name)} | {"kolsky"}
     found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
     for script in (ROOT / "runs").rglob("*.py"):
-        found |= imported(script.stem, script)
+        found |= imported(imports_of(script.read_text("utf-8"), script.stem))
     figures = {place.partition(":")[0] for _, *places in PLACES.values() for place in places}
     found |= {f"kolsky.report.figures.{name}" for name in figures}
     for files in RESULTS.values():  # written by the names of their functions
         found |= {place.rpartition(".")[0] for place in files.files.values()}
-    assert {kolsky._HOME[name] for name in kolsky.__all__} <= imported("kolsky", MODULES["kolsky"])
+    assert {kolsky._HOME[name] for name in kolsky.__all__} <= imported(imports_in("kolsky"))
     return found
 
 
@@ -180,7 +179,7 @@ def unreachable() -> list[str]:
     while left:
         name = left.pop()
         seen.add(name)
-        left |= ({*enclosing(name)} | imported(name, MODULES[name])) - seen
+        left |= ({*enclosing(name)} | imported(imports_in(name))) - seen
     return sorted(MODULES.keys() - seen)
 
 

@@ -1,6 +1,5 @@
 """Reports of failed runs to the user; the answer uses the other runs."""
 
-import csv
 import json
 import re
 from collections.abc import Callable
@@ -12,16 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
-from shot_folders import OPEN_01, shot_in
+from kolsky_command import rows_of, run_kolsky
+from shot_folders import OPEN_01, TINY
 from synthetic import failed, synthetic
-from typer.testing import CliRunner
 
 import explicit
 from doe import Box
 from explicit import Outcome, Response
 from kolsky.base.files import write_tables
-from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Forward
 from kolsky.inverse.problem import Freed, InverseProblem, PreparedShot, prepare_shot
@@ -35,8 +32,6 @@ from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import tables, to_json
 from kolsky.shot.load import load_shot
 
-runner = CliRunner()
-TINY = ["--mesh", "8x11"]
 STOP = ["--past-data", "stop"]
 """The bonded shot strains its middle past the curve; a frictionless specimen stays homogeneous and below."""
 WHERE = r"at \d+\.\d us in element \d+ \(R = \d\.\d\d mm, Y = \d\.\d\d mm\)"
@@ -54,16 +49,6 @@ def prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(
             f"kolsky.{module}.prepare_shot", lambda shot: prepared(tuple(shot.inputs.items()))
         )
-
-
-@pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    return shot_in(tmp_path / "shot")
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 # Commands
@@ -111,7 +96,7 @@ def test_a_crushed_outline_is_written_as_outside(tmp_path: Path) -> None:
 
 def test_a_sweep_answers_from_the_runs_that_completed(shot: Path) -> None:
     arguments = ["sweep", str(shot), *TINY, "--vary", "friction=0:0.6:4", "--json"]
-    go_on = json.loads(runner.invoke(app, [*arguments, "--out", str(shot / "whole")]).stdout)
+    go_on = json.loads(run_kolsky(*arguments, "--out", shot / "whole").stdout)
     assert (go_on["completed"], go_on["failed_runs"]) == (4, [])
     result = run_kolsky(*arguments, *STOP)
     said = json.loads(result.stdout)

@@ -1,6 +1,5 @@
 """Relaxation, the incompressible limit and mass-proportional damping in a shot."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.integrate import cumulative_trapezoid
+from shot_folders import OPEN_01, shot_in
 
 from doe import Box
 from explicit.arguments import nodal_mass
@@ -46,7 +46,6 @@ from populations.incompressible_shots import counts, line
 
 # Relaxation in a shot: declaration, error messages, conversion to the solver's series, free or fixed
 
-OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 PRONY = Relaxation("prony", dict(zip(prony_names(1), (0.3, 4e-4), strict=True)), free=True)
 
 
@@ -429,13 +428,7 @@ def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
 
 
 def test_a_shot_file_may_ask_for_the_limit(tmp_path: Path) -> None:
-    folder = tmp_path / "shot"
-    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results*"))
-    text = (folder / "shot.toml").read_text("utf-8")
-    assert "poisson = 0.499 " in text
-    (folder / "shot.toml").write_text(
-        text.replace("poisson = 0.499 ", 'poisson = "incompressible" '), "utf-8"
-    )
+    folder = shot_in(tmp_path / "shot", ("poisson = 0.499 ", 'poisson = "incompressible" '))
     assert load_shot(folder).model.poisson == INCOMPRESSIBLE
 
 

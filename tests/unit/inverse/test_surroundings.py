@@ -1,6 +1,5 @@
 """Parts around the specimen: elastic parts, the incident bar, and a transducer behind the face."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coupled_parts import couple
-from kolsky_command import run_kolsky
+from kolsky_command import json_of
 from shot_folders import shot_in
 
 import explicit
@@ -35,18 +34,6 @@ PLATEN, SENSOR = Bar(15e-3, 10e-3, 190e9, 8048.0), Bar(15e-3, 16e-3, 190e9, 6594
 FLYER = ElasticBody("bar", (PLATEN, SENSOR, PLATEN), transducer_depth=14e-3, seen_at=5e-3)
 
 
-def declared(folder: Path, *changes: tuple[str, str]) -> Path:
-    """The shipped shot with some texts of its file replaced."""
-    shot = shot_in(folder)
-    path = shot / "shot.toml"
-    text = path.read_text("utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path.write_text(text)
-    return shot
-
-
 COMPARED = ("[incident_force]", "[incident_force]\ncompared = true\n#")
 PARTS = """support = "mesh"
 element_size = "5 mm"
@@ -67,7 +54,7 @@ density = "8048 kg/m^3"
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     """A third of the shipped shot, its incident force compared."""
-    found = kolsky.load_shot(declared(tmp_path_factory.mktemp("shot") / "shot", COMPARED))
+    found = kolsky.load_shot(shot_in(tmp_path_factory.mktemp("shot") / "shot", COMPARED))
     first = found.window[0]
     return replace(found, window=(first, first + 0.3 * (found.window[1] - first)))
 
@@ -196,7 +183,7 @@ density = "8048 kg/m^3"
 
 [window]"""
     found = kolsky.load_shot(
-        declared(tmp_path / "shot", COMPARED, ('support = "rigid"', PARTS), ("[window]", body))
+        shot_in(tmp_path / "shot", COMPARED, ('support = "rigid"', PARTS), ("[window]", body))
     )
     assert found.behind is not None
     assert [part.length for part in found.behind.parts] == [0.01, 0.49]
@@ -228,10 +215,9 @@ end = "0.5 ms"
     changes = (COMPARED, ('support = "rigid"', PARTS), ("[window]", body))
     forces, bins = [], []
     for name, given in (("elastic", changes), ("rigid", (("[window]", '[window]\nend = "0.5 ms"\n#'),))):
-        shot, out = declared(tmp_path / name, *given), tmp_path / f"{name}-out"
-        words = ["simulate", str(shot), "--mesh", "5x7", "--out", str(out), "--json"]
-        done = run_kolsky(*words)
-        said = json.loads(done.stdout)
+        shot, out = shot_in(tmp_path / name, *given), tmp_path / f"{name}-out"
+        words = ["simulate", str(shot), "--mesh", "5x7", "--out", str(out)]
+        said = json_of(*words)
         assert said["outcome"] == "COMPLETED"
         bins.append(said["n_force"])
         forces.append(said["phi_force"])
@@ -251,12 +237,12 @@ end = "0.5 ms"
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, changes: list[tuple[str, str]], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        kolsky.load_shot(declared(tmp_path / "shot", *changes))
+        kolsky.load_shot(shot_in(tmp_path / "shot", *changes))
 
 
 @pytest.mark.slow  # 15 s on a quiet core
 def test_a_shot_is_identified_with_its_incident_force(tmp_path: Path) -> None:
-    found = kolsky.load_shot(declared(tmp_path / "shot", COMPARED))
+    found = kolsky.load_shot(shot_in(tmp_path / "shot", COMPARED))
     numerics = Numerics(mesh=(8, 11))
     settings = Settings(
         free={"stiffness_factor": None}, numerics=numerics, refined_mesh=(16, 22), replicates=2
@@ -319,10 +305,7 @@ def test_at_the_face_or_on_a_rigid_support_nothing_changes() -> None:
 
 
 def transducer_place_declared(folder: Path, text: str) -> Path:
-    shot = shot_in(folder)
-    path = shot / "shot.toml"
-    path.write_text(path.read_text("utf-8").replace('support = "rigid"', f'support = "bar"{text}'))
-    return shot
+    return shot_in(folder, ('support = "rigid"', f'support = "bar"{text}'))
 
 
 def test_from_the_shot_file_to_the_prediction(tmp_path: Path) -> None:
@@ -354,9 +337,6 @@ def test_depths_that_cannot_be(tmp_path: Path, text: str, words: str) -> None:
 
 
 def test_a_rigid_support_has_no_depth(tmp_path: Path) -> None:
-    shot = shot_in(tmp_path / "shot")
-    path = shot / "shot.toml"
     rigid = 'support = "rigid"\ntransducer_depth = "10 mm"'
-    path.write_text(path.read_text("utf-8").replace('support = "rigid"', rigid))
     with pytest.raises(InputError, match="nothing moves"):
-        kolsky.load_shot(shot)
+        kolsky.load_shot(shot_in(tmp_path / "shot", ('support = "rigid"', rigid)))

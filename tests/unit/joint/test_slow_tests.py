@@ -1,13 +1,12 @@
 """Slow tests of a list: SI units and signs, rejected inputs, predictions."""
 
-import csv
 import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from kolsky_command import json_of
+from kolsky_command import json_of, rows_of
 
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries, prony_stress
@@ -229,8 +228,7 @@ def test_from_files_to_the_constants(tmp_path):
     sweep = said["sweeps"]["sweep"]
     assert sweep["law_holds"]
     assert abs(sweep["C1"] - 5.0) < 3.0 * sweep["sigma_C1_C2"][0]
-    with (out / "relaxation_shifts.csv").open(encoding="utf-8") as file:
-        shifts = list(csv.DictReader(file))
+    shifts = rows_of(out / "relaxation_shifts.csv")
     assert [float(row["temperature (degC)"]) for row in shifts] == pytest.approx([0.0, 10.0, 25.0, 40.0])
     assert float(shifts[2]["lg a_T, free (1)"]) == 0.0
     page = (out / "relaxation.html").read_text(encoding="utf-8")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from kolsky_command import json_of, run_kolsky
-from shot_folders import shot_in
 
 from explicit.materials import LAWS
 from explicit.materials.families import InvariantLaw
@@ -122,9 +121,8 @@ def test_any_law_without_friction_is_its_closed_form(name: str) -> None:
 
 
 @pytest.mark.slow  # 5 s of one core
-def test_the_command_compresses_a_law_that_the_shot_declares(tmp_path: Path) -> None:
+def test_the_command_compresses_a_law_that_the_shot_declares(shot: Path, tmp_path: Path) -> None:
     """Without friction: the closed form of the law times the factor, over the whole face."""
-    shot = shot_in(tmp_path / "shot")
     text = (shot / "shot.toml").read_text("utf-8")
     law = """
 [law]

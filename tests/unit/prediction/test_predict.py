@@ -1,6 +1,5 @@
 """Planned tests against closed forms of free flight, and the design of a test by hand."""
 
-import csv
 import json
 from dataclasses import replace
 from math import inf, nan
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kolsky_command import json_of, run_kolsky
+from kolsky_command import json_of, rows_of, run_kolsky
 
 from explicit.bars.lines import Events
 from kolsky.base.errors import InputError
@@ -255,8 +254,7 @@ def test_the_page_says_what_the_command_says(tmp_path: Path) -> None:
         if len(cells) == 6 and cells[1].isdigit():
             shown[cells[0]] = [float(cell.replace("−", "-")) for cell in cells[1:5]]
     done = run_kolsky("predict", PAPER, "--out", tmp_path / "p", "--json")
-    with (tmp_path / "p" / "events.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(tmp_path / "p" / "events.csv")
     assert [row["event"] for row in rows] == list(shown)
     for row in rows:
         time, speed, compression, force = shown[row["event"]]

@@ -1,23 +1,15 @@
 """`kolsky channels`, and [force] with a layout."""
 
-import json
-import shutil
-from pathlib import Path
-
 import numpy as np
 import pytest
 import readerfiles as files
-from kolsky_command import run_kolsky
-from typer.testing import CliRunner
+from damaged_shots import toml
+from kolsky_command import json_of, run_kolsky
 
 from kolsky.base.errors import InputError
-from kolsky.cli import app
 from kolsky.readers.layout import Layout
 from kolsky.schema.fields import LayoutSection
 from kolsky.shot.load import load_shot
-
-OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
-runner = CliRunner()
 
 
 def test_a_table_tells_channels_clock_and_what_was_found(tmp_path):
@@ -36,8 +28,7 @@ def test_a_table_tells_channels_clock_and_what_was_found(tmp_path):
 
 def test_json_is_one_object_in_si(tmp_path):
     path = files.german(tmp_path / "a.csv")
-    run = runner.invoke(app, ["channels", str(path), "--json"])
-    answer = json.loads(run.stdout)
+    answer = json_of("channels", path)
     assert answer["found"]["encoding"] == "cp1252"
     assert answer["channels"][1]["name"] == "CH2 [V]"
     assert answer["channels"][1]["interval"] == 1e-7
@@ -48,7 +39,7 @@ def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
     path = files.text(tmp_path / "a.csv", ["Time (s),CH1 (V),CH2 (V)"], time="{:.6f}")
     run = run_kolsky("channels", path)
     assert "is rounded to 1e-06 s" in run.stdout
-    run = runner.invoke(app, ["channels", str(path), "--interval", "100 ns"])
+    run = run_kolsky("channels", path, "--interval", "100 ns")
     assert "every 1e-07 s (10 MHz, 400 samples, 40 us): stated" in run.stdout
 
 
@@ -68,19 +59,6 @@ def test_bad_options_are_one_line_and_exit_code_2(options, words, tmp_path):
     assert run.stderr.count("\n") == 1
 
 
-@pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    folder = tmp_path / "shot"
-    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results", "*.tif", "calibration"))
-    return folder
-
-
-def declare(folder: Path, old: str, new: str) -> None:
-    path = folder / "shot.toml"
-    assert path.read_text().count(old) == 1
-    path.write_text(path.read_text().replace(old, new))
-
-
 TIME = 'time = { column = "Time (s)", unit = "s" }\n'
 
 
@@ -89,7 +67,7 @@ def test_the_force_of_a_german_export_is_that_of_the_plain_one(shot):
     lines = (shot / "scope.csv").read_text().splitlines()
     rows = [line.replace(",", ";").replace(".", ",") for line in lines]
     (shot / "scope.csv").write_bytes("\r\n".join(["Prüfer;Müller", *rows]).encode("cp1252"))
-    declare(shot, TIME, 'layout = { decimal = "," }\n')
+    toml(TIME, 'layout = { decimal = "," }\n')(shot)
     found = load_shot(shot).force
     np.testing.assert_array_equal(found.recording.value, plain.recording.value)
     # The strict reader takes the printed times (8 figures: 1e-11 s), the layout start + i * interval.
@@ -97,7 +75,7 @@ def test_the_force_of_a_german_export_is_that_of_the_plain_one(shot):
 
 
 def test_a_layout_beside_the_time_column_needs_no_second_word_for_it(shot):
-    declare(shot, TIME, TIME + 'layout = { time = "Time (s)" }\n')
+    toml(TIME, TIME + 'layout = { time = "Time (s)" }\n')(shot)
     with pytest.raises(InputError, match=r"force.time .*is given twice, in layout.time too"):
         load_shot(shot)
 
@@ -113,7 +91,7 @@ def test_a_layout_beside_the_time_column_needs_no_second_word_for_it(shot):
     ],
 )
 def test_bad_layouts_are_told_with_their_key(layout, words, shot):
-    declare(shot, TIME, f"layout = {{ {layout} }}\n")
+    toml(TIME, f"layout = {{ {layout} }}\n")(shot)
     with pytest.raises(InputError, match=words):
         load_shot(shot)
 

@@ -5,6 +5,7 @@ import shutil
 import struct
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -15,7 +16,7 @@ import readerfiles as files
 import xlwt
 from kolsky_command import run_kolsky
 from nptdms import ChannelObject, TdmsWriter
-from readerfiles import CH1, FILES, INTERVAL, TIME, UNITLESS, lvm
+from readerfiles import CH1, FILES, INTERVAL, TIME, lvm
 from scipy.io import savemat
 from shot_folders import OPEN_01
 from typer.testing import CliRunner
@@ -200,7 +201,6 @@ def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path:
 
 # Millivolts and microstrain in every format: by the unit in the file if it has one, and by declaration.
 
-ALL = FILES | UNITLESS
 UNITS = [
     ("mV", "V", 1e-3), ("microstrain", "1", 1e-6), ("µε", "1", 1e-6), ("με", "1", 1e-6), ("ue", "1", 1e-6),
     ("kgf/cm2", "Pa", 98066.5), ("N/mm²", "Pa", 1e6), ("lbf", "N", 4.4482216152605),
@@ -208,13 +208,12 @@ UNITS = [
 
 
 @pytest.mark.parametrize(("unit", "si", "factor"), UNITS[:2])
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", FILES)
 def test_a_declared_unit_is_taken_and_the_files_own_is_kept(tmp_path, name, unit, si, factor):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
-    own = None if name in UNITLESS else read_recordings(path, made.channels[:1])[made.channels[0]]
-    # An export of LeCroy does not say what its times are in.
-    layout = Layout(unit=unit, time_unit="s" if name == "lecroy_csv" else None)
+    made = FILES[name]
+    path = made.written(tmp_path)
+    own = None if made.layout.unit else read_recordings(path, made.channels[:1])[made.channels[0]]
+    layout = replace(made.layout, unit=unit)
     found = read_recordings(path, made.channels[:1], layout=layout)[made.channels[0]]
     assert found.unit == si
     scale = 1.0 if own is None else np.ptp(own.value) / np.ptp(CH1)

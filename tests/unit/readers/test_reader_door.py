@@ -93,9 +93,7 @@ def test_the_battery_of_the_readers_runs_for_a_new_one(folder: Path) -> None:
     )  # fmt: skip
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-2000:]
     passed = int(run.stdout.rpartition(" passed")[0].split()[-1])
-    assert (
-        passed >= 12
-    )  # samples, clock, by number, missing channel, NaN, constant, clipped, cut off, empty ...
+    assert passed >= 9  # samples and clock, NaN, constant, clipped, at full scale, cut off thrice, empty
     assert "failed" not in run.stdout
 
 

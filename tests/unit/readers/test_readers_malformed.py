@@ -1,6 +1,7 @@
 """Files without a measurement: each is rejected with one line that names file, place and cure."""
 
 import zipfile
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -14,9 +15,8 @@ from kolsky.readers import contents, excel
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 
-ALL = {**files.FILES, **files.UNITLESS}
-BINARY = [name for name, made in ALL.items() if files.is_binary(made)]
-TEXT = [name for name in ALL if name not in BINARY]
+BINARY = [name for name, made in files.FILES.items() if files.is_binary(made)]
+TEXT = [name for name in files.FILES if name not in BINARY]
 CODES = ("lecroy_trc", "tektronix_isf", "tektronix_wfm")  # whole numbers: no NaN
 COLUMNS = [  # formats with printed times that are read
     "plain", "german", "utf16_tabs", "blanks", "tektronix_mso", "keysight", "picoscope", "two_clocks",
@@ -24,23 +24,16 @@ COLUMNS = [  # formats with printed times that are read
 ]  # fmt: skip
 
 
-def refused(name, path, channel=0):
+def refused(name, path):
     """The one line by which a file is refused."""
-    layout = Layout(
-        unit="V" if name in files.UNITLESS else None, time_unit="s" if name == "lecroy_csv" else None
-    )
+    made = files.FILES[name]
     with pytest.raises(InputError) as caught:
-        read_recordings(path, [ALL[name].channels[channel]], layout=layout)
+        read_recordings(path, made.channels[:1], layout=made.layout)
     line = str(caught.value)
     assert "\n" not in line
     assert path.name in line
     assert "Cure: " in line
     return line
-
-
-def written(name, folder):
-    made = ALL[name]
-    return made.write(folder / made.name)
 
 
 def lines_of(name, path):
@@ -52,12 +45,12 @@ def rewrite(path, lines, encoding):
     path.write_bytes(("\r\n".join(lines) + "\r\n").encode(encoding))
 
 
-@pytest.mark.parametrize("name", [n for n in ALL if n not in CODES])
+@pytest.mark.parametrize("name", [n for n in files.FILES if n not in CODES])
 def test_nan(name, tmp_path, monkeypatch):
     damaged = files.CH1.copy()
     damaged[100] = np.nan
     monkeypatch.setattr(files, "CH1", damaged)
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     line = refused(name, path)
     assert (
         "not a finite number" in line
@@ -72,35 +65,31 @@ def test_nan(name, tmp_path, monkeypatch):
     list_channels(path)  # looking at it is allowed
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", files.FILES)
 def test_a_constant_channel(name, tmp_path, monkeypatch):
     monkeypatch.setattr(files, "CH1", np.full(files.SAMPLES, 0.125))
-    assert "is 0.125 in all 400 samples" in refused(name, written(name, tmp_path))
+    assert "is 0.125 in all 400 samples" in refused(name, files.FILES[name].written(tmp_path))
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", files.FILES)
 def test_a_clipped_channel(name, tmp_path, monkeypatch):
     monkeypatch.setattr(files, "CH1", np.maximum(files.CH1, -0.5))
-    line = refused(name, written(name, tmp_path))
+    line = refused(name, files.FILES[name].written(tmp_path))
     assert "is clipped" in line
     assert "at its extreme -0.5 V" in line
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", files.FILES)
 def test_full_scale_decides_where_it_is_given(name, tmp_path):
-    path = written(name, tmp_path)
-    said = Layout(
-        unit="V" if name in files.UNITLESS else None,
-        time_unit="s" if name == "lecroy_csv" else None,
-        full_scale=float(np.abs(files.CH1).max()),
-    )
+    made = files.FILES[name]
+    said = replace(made.layout, full_scale=float(np.abs(files.CH1).max()))
     with pytest.raises(InputError, match=r"is clipped: .* at or beyond full scale"):
-        read_recordings(path, [ALL[name].channels[0]], layout=said)
+        read_recordings(made.written(tmp_path), made.channels[:1], layout=said)
 
 
 @pytest.mark.parametrize("name", TEXT)
 def test_a_text_that_is_cut_off(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     lines, encoding = lines_of(name, path)
     kept = lines[:-100]
     rewrite(path, [*kept, lines[-100][: len(lines[-100]) * (40 if name == "lanl" else 55) // 100]], encoding)
@@ -111,7 +100,7 @@ def test_a_text_that_is_cut_off(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["tektronix_mso", "tektronix_tds", "lecroy_csv", "yokogawa", "lvm"])
 def test_a_header_that_promises_more_samples(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     lines, encoding = lines_of(name, path)
     rewrite(path, lines[:-100], encoding)  # whole lines are missing: only the header knows
     assert "ends after 300 samples; its header promises" in refused(name, path)
@@ -120,7 +109,7 @@ def test_a_header_that_promises_more_samples(name, tmp_path):
 @pytest.mark.parametrize("name", BINARY)
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
 def test_a_binary_file_that_is_cut_off(name, share, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     if name == "rohde_schwarz" and share > 0.1:
         companion = path.with_suffix(".Wfm.bin")
         companion.write_bytes(companion.read_bytes()[: int(share * companion.stat().st_size)])
@@ -131,16 +120,16 @@ def test_a_binary_file_that_is_cut_off(name, share, tmp_path):
     refused(name, path)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", files.FILES)
 def test_an_empty_file(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     path.write_bytes(b"")
     refused(name, path)
 
 
 @pytest.mark.parametrize("name", TEXT)
 def test_a_field_that_is_no_number(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     lines, encoding = lines_of(name, path)
     number = len(lines) - 150
     value = f"{files.CH1[-151]:.10f}" if name != "lanl" else f"{files.CH1[-151]:.12g}"
@@ -149,12 +138,12 @@ def test_a_field_that_is_no_number(name, tmp_path):
     lines[number - 1] = lines[number - 1].replace(value.replace(".", decimal), "1.2.3")
     rewrite(path, lines, encoding)
     line = refused(name, path)
-    assert f"line {number}: column '{ALL[name].channels[0]}' is not a number: '1" in line
+    assert f"line {number}: column '{files.FILES[name].channels[0]}' is not a number: '1" in line
 
 
 @pytest.mark.parametrize("name", TEXT)
 def test_a_line_with_a_field_too_many(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     lines, encoding = lines_of(name, path)
     number = len(lines) - 150
     lines[number - 1] += {
@@ -170,7 +159,7 @@ def test_a_line_with_a_field_too_many(name, tmp_path):
 
 @pytest.mark.parametrize("name", TEXT)
 def test_an_empty_line_between_samples(name, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     lines, encoding = lines_of(name, path)
     number = len(lines) - 150
     rewrite(path, [*lines[: number - 1], "", *lines[number - 1 :]], encoding)
@@ -182,7 +171,7 @@ def test_times_that_are_not_sorted(name, tmp_path, monkeypatch):
     time = files.TIME.copy()
     time[[200, 203]] = time[[203, 200]]
     monkeypatch.setattr(files, "TIME", time)
-    line = refused(name, written(name, tmp_path))
+    line = refused(name, files.FILES[name].written(tmp_path))
     assert "is not sorted" in line or "contradicts" in line
 
 
@@ -191,7 +180,7 @@ def test_a_gap_in_the_times(name, tmp_path, monkeypatch):
     time = files.TIME.copy()
     time[250:] += 3.0 * files.INTERVAL
     monkeypatch.setattr(files, "TIME", time)
-    line = refused(name, written(name, tmp_path))
+    line = refused(name, files.FILES[name].written(tmp_path))
     assert "the step is 4e-07 s where the others are 1e-07 s" in line or "is not uniform" in line
 
 
@@ -199,9 +188,9 @@ def test_a_gap_in_the_times(name, tmp_path, monkeypatch):
     ("name", "delimiter"), [("plain", "semicolon"), ("german", "tab"), ("utf16_tabs", ","), ("blanks", ";")]
 )
 def test_a_wrong_delimiter(name, delimiter, tmp_path):
-    path = written(name, tmp_path)
+    path = files.FILES[name].written(tmp_path)
     with pytest.raises(InputError, match=r"delimiter") as caught:
-        read_recordings(path, [ALL[name].channels[0]], layout=Layout(delimiter=delimiter))
+        read_recordings(path, [files.FILES[name].channels[0]], layout=Layout(delimiter=delimiter))
     assert "Cure: " in str(caught.value)
 
 

@@ -13,66 +13,36 @@ from kolsky.base.errors import InputError
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 
-ALL = {**files.FILES, **files.UNITLESS}
 
-
-def layout_of(name: str) -> Layout:
-    said = Layout(unit="V") if name in files.UNITLESS else Layout()
-    # LeCroy's "Time" has no unit in its header.
-    return replace(said, time_unit="s") if name == "lecroy_csv" else said
-
-
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", files.FILES)
 def test_a_record_comes_back_as_it_was(name, tmp_path):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
-    found = read_recordings(path, made.channels, layout=layout_of(name))
-    for channel, written in zip(made.channels, (files.CH1, files.CH2), strict=False):
-        recording = found[channel]
+    made = files.FILES[name]
+    path = made.written(tmp_path)
+    info = list_channels(path, layout=made.layout)[0]
+    found = read_recordings(path, (*made.channels, str(info.number)), layout=made.layout)
+    written = (*(files.CH1, files.CH2)[: len(made.channels)], files.CH1)  # the last one asked for by number
+    for (channel, recording), samples in zip(found.items(), written, strict=True):
         # Codes of 1/1024 V have ten decimals: every format holds them exactly.
-        np.testing.assert_array_equal(recording.value, written)
+        np.testing.assert_array_equal(recording.value, samples)
         assert recording.unit == "V"
-        assert recording.channel == channel
+        assert recording.channel == (channel if channel in made.channels else info.name)
         # 1e-12: start and interval are decimal numbers in all files, a few roundings of floats apart.
         np.testing.assert_allclose(
             recording.time, files.TIME, rtol=0, atol=1e-12 * files.INTERVAL * files.SAMPLES
         )
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_times_are_start_plus_multiples_of_the_interval_to_the_last_bit(name, tmp_path):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
-    info = list_channels(path, layout=layout_of(name))[0]
-    recording = read_recordings(path, [info.name], layout=layout_of(name))[info.name]
-    np.testing.assert_array_equal(recording.time, info.start + info.interval * np.arange(info.samples))
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_channel_may_be_asked_for_by_number(name, tmp_path):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
-    info = list_channels(path, layout=layout_of(name))[0]
-    found = read_recordings(path, [str(info.number)], layout=layout_of(name))
-    np.testing.assert_array_equal(found[str(info.number)].value, files.CH1)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_missing_channel_is_an_error_that_names_those_there_are(name, tmp_path):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
+    # Start plus multiples of the interval, to the last bit.
+    np.testing.assert_array_equal(found[info.name].time, info.start + info.interval * np.arange(info.samples))
     with pytest.raises(InputError, match=r"'CH9' is missing") as caught:
-        read_recordings(path, ["CH9"], layout=layout_of(name))
+        read_recordings(path, ["CH9"], layout=made.layout)
     assert made.channels[0] in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", sorted(files.UNITLESS))
+@pytest.mark.parametrize("name", [name for name, made in files.FILES.items() if made.layout.unit])
 def test_a_unit_that_nobody_says_is_not_guessed(name, tmp_path):
-    made = ALL[name]
-    path = made.write(tmp_path / made.name)
+    made = files.FILES[name]
     with pytest.raises(InputError, match=r'does not state the unit.*unit = "V"'):
-        read_recordings(path, [made.channels[0]], layout=replace(layout_of(name), unit=None))
+        read_recordings(made.written(tmp_path), made.channels[:1], layout=replace(made.layout, unit=None))
 
 
 def test_a_stated_unit_scales_the_samples(tmp_path):
@@ -94,8 +64,7 @@ def test_a_stated_unit_scales_the_samples(tmp_path):
     ],
 )
 def test_what_was_found_is_told(name, facts, tmp_path):
-    made = ALL[name]
-    found = list_channels(made.write(tmp_path / made.name))[0].facts
+    found = list_channels(files.FILES[name].written(tmp_path))[0].facts
     assert {key: found[key] for key in facts} == facts
 
 

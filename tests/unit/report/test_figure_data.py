@@ -1,11 +1,11 @@
 """Data tables of figures contain exactly the drawn data."""
 
-import csv
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
+from kolsky_command import rows_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from synthetic import RESULTS
@@ -14,18 +14,13 @@ from kolsky.report.canvas import DATA_COLUMNS, build, write_data
 from kolsky.report.figures import REGISTRY
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def column(rows: list[dict[str, str]], name: str) -> list[float]:
     return [float(row[name]) for row in rows]
 
 
 def test_the_force_of_the_report(tmp_path: Path) -> None:
     result = RESULTS["one"]
-    rows = table(write_data(tmp_path / "force.csv", build(REGISTRY["force"], result)))
+    rows = rows_of(write_data(tmp_path / "force.csv", build(REGISTRY["force"], result)))
     assert tuple(rows[0]) == DATA_COLUMNS
     simulated = [row for row in rows if row["panel"] == "force" and row["series"] == "simulated"]
     c = result.comparison
@@ -54,7 +49,7 @@ def test_kinds_by_hand(figure: Figure, tmp_path: Path) -> None:
     ax.quiver([1], [2], [3], [4], label="arrows")
     ax.bar([1.0], [2.0], width=0.5, label="bar")
     with matplotlib.rc_context():
-        rows = table(write_data(tmp_path / "x.csv", figure))
+        rows = rows_of(write_data(tmp_path / "x.csv", figure))
 
     def of(series: str) -> list[tuple[float, float, str]]:
         return [(float(r["x"]), float(r["y"]), r["value"]) for r in rows if r["series"] == series]
@@ -76,11 +71,11 @@ def test_contours_carry_their_level(figure: Figure, tmp_path: Path) -> None:
     ax = figure.subplots()
     x = np.linspace(0, 1, 11)
     ax.contour(x, x, np.tile(x, (11, 1)), levels=[0.35])  # of z = x: the line x = 0.35
-    rows = table(write_data(tmp_path / "x.csv", figure))
+    rows = rows_of(write_data(tmp_path / "x.csv", figure))
     np.testing.assert_allclose(column(rows, "x"), 0.35, rtol=1e-12)  # round-off
     assert {row["value"] for row in rows} == {"0.35"}
 
 
 def test_no_data_no_rows(figure: Figure, tmp_path: Path) -> None:
     figure.subplots()
-    assert table(write_data(tmp_path / "x.csv", figure)) == []
+    assert rows_of(write_data(tmp_path / "x.csv", figure)) == []

@@ -1,6 +1,5 @@
 """A new figure is one file and one entry in a registry: tests, page, command, data table, index."""
 
-import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 import test_report as battery
 from html_pages import Page
+from kolsky_command import rows_of
 from module_files import module_at
 from synthetic import RESULTS
 
@@ -81,8 +81,7 @@ def test_a_command_saves_it_with_its_data(
     write_identify_page(folder, RESULTS["one"], recordings, ("svg", "csv"))  # what `--figures svg,csv` does
     assert 'id="peak-force"' in (folder / PAGE).read_text(encoding="utf-8")
     assert (folder / "figures" / "peak-force.svg").stat().st_size > 0
-    with (folder / "figures" / "peak-force.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(folder / "figures" / "peak-force.csv")
     c = RESULTS["one"].comparison
     assert [(row["series"], row["y axis"]) for row in rows] == [
         ("measured", "Force $F$ (N)"),

@@ -1,6 +1,5 @@
 """Comparison of several shots: groups, tables, files and the page; hostile names are escaped."""
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -8,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from html_pages import Page
+from kolsky_command import rows_of
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
 from kolsky.base.files import write_tables
@@ -224,8 +224,7 @@ def test_csv_holds_the_tables(report, tmp_path):
     write_tables(tmp_path, made)
     assert {p.name for p in tmp_path.iterdir()} == {f"{name}.csv" for name in made}
     for name, columns in made.items():
-        with (tmp_path / f"{name}.csv").open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+        rows = rows_of(tmp_path / f"{name}.csv")
         for heading, cells in columns.items():
             if cells and isinstance(cells[0], str):
                 assert [row[heading] for row in rows] == cells

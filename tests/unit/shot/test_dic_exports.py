@@ -1,12 +1,12 @@
 """Exports of DIC programs: one barrelling specimen in every layout, with lost points."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from kolsky_command import run_kolsky
+from shot_folders import OPEN_01, shot_in
 
 from dic.outcome import PointOutcome
 from dic.surfaces.surface_history import centre_line
@@ -15,7 +15,6 @@ from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
 from kolsky.shot.load import load_shot
 from kolsky.shot.surface import cylinder_placement, declared_placement, flyer_motion, surface_history
 
-OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 FRAMES, ROWS, COLUMNS, RADIUS = 4, 12, 9, 4.75e-3
 TIME = 1e-5 * np.arange(FRAMES)
 # The test frame in the program's coordinates: y along -Y, Z along +Z, x then along -X, shifted.
@@ -230,8 +229,7 @@ def test_names_without_a_frame_number(tmp_path):
 
 def surface_shot(folder: Path) -> Path:
     """open-01 with its outline as a VIC-3D export: every point of it turned to three places on the circle."""
-    shot = folder / "shot"
-    shutil.copytree(OPEN_01, shot, ignore=shutil.ignore_patterns("results", "*.tif", "calibration"))
+    shot = shot_in(folder / "shot")
     rows = [line.split(",") for line in (shot / "centreline.csv").read_text().splitlines()[1:]]
     first = {}
     for frame in dict.fromkeys(row[0] for row in rows):

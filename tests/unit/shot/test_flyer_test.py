@@ -1,7 +1,5 @@
 """`kolsky waves` on a flyer test: the shipped shot, from files to files."""
 
-import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from kolsky_command import json_of, run_kolsky
+from shot_folders import shot_in
 from synthetic import LENGTH
 from synthetic_dic import synthetic_result
 
@@ -21,8 +20,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def reduced(tmp_path_factory) -> tuple[Path, dict]:
     out = tmp_path_factory.mktemp("flyer")
-    result = run_kolsky("waves", ROOT / "runs" / "open-01", "--out", out, "--json")
-    return out, json.loads(result.stdout)
+    return out, json_of("waves", ROOT / "runs" / "open-01", "--out", out)
 
 
 def test_the_soft_shot_has_no_valid_classical_curve_and_says_so(reduced):
@@ -59,13 +57,11 @@ def test_forces_agree_where_the_specimen_is_nearly_balanced(reduced):
     assert mass["size"] == pytest.approx(7.1e-3 * 1.0e5, rel=0.1)
 
 
-def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
-    folder = tmp_path / "shot"
-    shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
-    text = (folder / "shot.toml").read_text()
+def test_without_the_flyers_transducer_there_is_one_force(shot):
+    text = (shot / "shot.toml").read_text()
     begin, end = text.index("[incident_force]"), text.index("[frames]")
-    (folder / "shot.toml").write_text(text[:begin] + text[end:])
-    said = json_of("waves", folder)
+    (shot / "shot.toml").write_text(text[:begin] + text[end:])
+    said = json_of("waves", shot)
     assert said["synchronisation"] is None
     assert said["valid"] is None
     assert said["balanced"] is None
@@ -75,10 +71,7 @@ def test_without_the_flyers_transducer_there_is_one_force(tmp_path):
 
 
 def test_a_clipped_incident_channel_is_refused(tmp_path):
-    folder = tmp_path / "shot"
-    shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
-    text = (folder / "shot.toml").read_text()
-    (folder / "shot.toml").write_text(text.replace('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
+    folder = shot_in(tmp_path / "shot", ('mass = "7.1 g"', 'full_scale = "0.5 V" \nmass = "7.1 g"'))
     result = run_kolsky("waves", folder, code=2)
     assert "CH1 incident (V)" in result.stderr
     assert "incident_force.full_scale = 0.5 V" in result.stderr

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from damaged_shots import Mutation, both, fields, number, toml
-from shot_folders import OPEN_01, OPEN_02, ROOT, shot_in
+from shot_folders import OPEN_01, OPEN_02, ROOT
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.errors import InputError
@@ -441,12 +441,11 @@ WRONG: dict[str, tuple[Mutation, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_input_is_refused_with_what_would_fit(name: str, tmp_path: Path) -> None:
+def test_a_wrong_input_is_refused_with_what_would_fit(name: str, shot: Path) -> None:
     change, wanted = WRONG[name]
-    folder = shot_in(tmp_path / "shot")
-    both(without_units, change)(folder)
+    both(without_units, change)(shot)
     with pytest.raises(InputError) as caught:
-        load_shot(folder)
+        load_shot(shot)
     for text in wanted:
         assert text in str(caught.value)
     for wrong in ("clock_offset", "swapped", "refine"):
@@ -473,14 +472,13 @@ strip_half_width = "0.6 mm"
 """
 
 
-def test_a_dot_target_without_pitch_is_found_before_the_pictures(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    toml = folder / "shot.toml"
+def test_a_dot_target_without_pitch_is_found_before_the_pictures(shot: Path) -> None:
+    toml = shot / "shot.toml"
     toml.write_text(toml.read_text() + TARGET)
     for name in ("a.tif", "b.tif"):
-        (folder / name).touch()
+        (shot / name).touch()
     with pytest.raises(InputError) as caught:
-        check_shot(folder)
+        check_shot(shot)
     assert 'calibration.target.pitch is missing; the target "fiducial_dots" needs it.' in str(caught.value)
     assert 'e.g. pitch = "4 mm"' in str(caught.value)
 

@@ -1,16 +1,14 @@
 """A command parses the shot file once and fits the path of the flyer once. The results are passed on."""
 
-import shutil
 import tomllib
-from pathlib import Path
 
 import pytest
+from damaged_shots import toml
 from kolsky_command import run_kolsky
 
 from kolsky.bars.flyer import events
 from kolsky.shot import records
 
-OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 COARSE = ("--free", "stiffness_factor", "--mesh", "6x8", "--refined-mesh", "8x11", "--replicates", "0")
 
 
@@ -33,13 +31,6 @@ def counts(monkeypatch) -> dict[str, int]:
     return made
 
 
-@pytest.fixture
-def shot(tmp_path) -> Path:
-    folder = tmp_path / "shot"
-    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
-    return folder
-
-
 @pytest.mark.parametrize(
     "command",
     [pytest.param(("identify", *COARSE), marks=pytest.mark.slow), ("waves",)],
@@ -56,10 +47,8 @@ def test_a_conditioned_curve_leaves_the_path_as_it_was_fitted(counts, shot):
     from kolsky.shot.curve import with_pull
     from kolsky.shot.load import load_shot
 
-    text = (shot / "shot.toml").read_text("utf-8")
     said = 'file = "quasi_static.csv"'
-    assert text.count(said) == 1
-    (shot / "shot.toml").write_text(text.replace(said, f'{said}\nconditioned = "quasi_static.csv"'), "utf-8")
+    toml(said, f'{said}\nconditioned = "quasi_static.csv"')(shot)
     loaded = load_shot(shot)
     other = with_pull(loaded, "conditioned")
     assert other.flyer_path is loaded.flyer_path

@@ -1,12 +1,12 @@
 """[uncertainty] of shot.toml, and errors that means share."""
 
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from shot_folders import shot_in
 
 from dic.stereo.reconstruction import SharedError
 from kolsky.base.errors import InputError
@@ -104,8 +104,7 @@ OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
 def shot_with(tmp_path: Path, table: str) -> Path:
     """A copy of open-01 with another table at its end."""
-    folder = tmp_path / "shot"
-    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
+    folder = shot_in(tmp_path / "shot")
     with (folder / "shot.toml").open("a") as file:
         file.write(table)
     return folder

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shot_folders import shot_in
 
 from kolsky.base.errors import InputError
 from kolsky.shot.load import load_shot
@@ -195,14 +194,13 @@ def test_errors_are_exceptions_of_one_kind(tmp_path: Path) -> None:
         load_shot(tmp_path / "nowhere")
 
 
-def test_an_outline_row_that_stands_five_hundred_times_is_counted_once(tmp_path: Path) -> None:
-    folder = shot_in(tmp_path / "shot")
-    sound = load_shot(folder)
+def test_an_outline_row_that_stands_five_hundred_times_is_counted_once(shot: Path) -> None:
+    sound = load_shot(shot)
     assert sound.notes == ()
-    path = folder / "centreline.csv"
+    path = shot / "centreline.csv"
     rows = path.read_text().splitlines()
     path.write_text("\n".join([*rows[:1001], *[rows[1000]] * 499, *rows[1001:]]) + "\n")
-    found = load_shot(folder)
+    found = load_shot(shot)
     for name in ("time", "frame", "y", "Z", "sigma"):
         assert (getattr(found.centre_line, name) == getattr(sound.centre_line, name)).all()
     frame = rows[1000].split(",")[0]

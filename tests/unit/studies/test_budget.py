@@ -1,11 +1,10 @@
 """The error budget: its rule, its design, its shares, and the plan of a campaign."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
+from kolsky_command import json_of
 from scipy.stats import t as student
 
 from doe.ledger import Run
@@ -282,9 +281,8 @@ def test_the_command_says_sources_and_shares_as_one_object(tmp_path: Path) -> No
     words = [
         "budget", str(path), "--mesh", "6x8", "--refined-mesh", "8x11", "--draws", "4", "--together", "4",
     ]  # fmt: skip
-    words += ["--size", "imperfections.length=0.5 %", "--free", "stiffness_factor", "--json"]
-    done = run_kolsky(*words, "--out", tmp_path / "out")
-    (answer,) = json.loads(done.stdout)["budgets"]
+    words += ["--size", "imperfections.length=0.5 %", "--free", "stiffness_factor", "--out", tmp_path / "out"]
+    (answer,) = json_of(*words)["budgets"]
     sources = answer["sources"]
     assert {key: source["sigma"] for key, source in sources.items()} == {
         "noise": 1.0,

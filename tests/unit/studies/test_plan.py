@@ -2,14 +2,14 @@
 
 import csv
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from barrecord import classical_shot
-from kolsky_command import run_kolsky
+from kolsky_command import json_of, run_kolsky
+from shot_folders import OPEN_01, shot_in
 from typer.testing import CliRunner
 
 from doe.information import LinearData
@@ -30,7 +30,6 @@ from kolsky.studies.planning.information import (
 )
 from kolsky.studies.planning.plan import _sigmas, camera_heights, camera_windows, plan, rows, window_ends
 
-OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 TINY = Numerics(mesh=(8, 11), threads=1)
 runner = CliRunner()
 
@@ -245,12 +244,9 @@ def test_a_window_beyond_the_motion_is_refused(prepared):
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory):
-    folder = tmp_path_factory.mktemp("plan") / "shot"
-    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
-    options = ["--mesh", "8x11", "--rates", "1,2", "--heights", "2", "--threads", "1", "--json"]
-    options += ["--figures", "svg"]
-    result = run_kolsky("plan", folder, *options)
-    return folder / "results", json.loads(result.stdout)
+    folder = shot_in(tmp_path_factory.mktemp("plan") / "shot")
+    options = ["--mesh", "8x11", "--rates", "1,2", "--heights", "2", "--threads", "1", "--figures", "svg"]
+    return folder / "results", json_of("plan", folder, *options)
 
 
 def test_json_says_what_is_expected(planned):
@@ -303,14 +299,13 @@ def test_bad_options_are_one_line_and_exit_code_2(options, message, tmp_path: Pa
 
 
 def test_wishes_replace_what_the_shot_has(tmp_path: Path):
-    options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--discrepancy", "none", "--json"]
+    options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--discrepancy", "none"]
     options += ["--figures", "", "--threads", "1"]
     wishes = [
         "--outline-sigma", "8 um", "--frame-rate", "60 kHz", "--points", "2 1/mm", "--clearance", "1 mm",
     ]  # fmt: skip
     window = ["--window", "0.05 ms:1.0 ms", "--force-sigma", "0.2 N", "--free", "damping"]
-    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *wishes, *window)
-    said = json.loads(result.stdout)
+    said = json_of("plan", OPEN_01, "--out", tmp_path, *options, *wishes, *window)
     expected = Instruments(
         window=(5e-5, 1e-3),
         bin_width=said["instruments"]["bin_width"],
@@ -349,9 +344,8 @@ def test_a_parameter_that_no_data_see_is_said(tmp_path: Path):
 @pytest.mark.slow
 def test_a_plan_for_the_force_alone(tmp_path: Path):
     options = ["--mesh", "4x6", "--rates", "1", "--threads", "1", "--points", "0 1/mm", "--figures", "svg"]
-    free = ["--free", "damping", "--window", "0.05 ms:0.5 ms", "--json"]
-    result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *free)
-    said = json.loads(result.stdout)
+    free = ["--free", "damping", "--window", "0.05 ms:0.5 ms"]
+    said = json_of("plan", OPEN_01, "--out", tmp_path, *options, *free)
     assert said["parameters"]["damping"]["sigma"] == said["parameters"]["damping"]["sigma_force"]
     assert "sigma_outline" not in said["parameters"]["damping"]
     assert (tmp_path / "figures" / "plan-choices.svg").exists()
