@@ -183,12 +183,12 @@ def _seen(
 
 
 def completed_runs(
-    forward: Forward, columns: Mapping[str, FloatArray | float], numerics: Numerics, *, cure: str = ""
+    forward: Forward, columns: Mapping[str, FloatArray | float], numerics: Numerics
 ) -> explicit.Response:
     """Runs that must all complete.
 
     ``columns``: values of each parameter, or one value for all runs. Raises ValueError with the place and the
-    ending of the first failed run, and the remedy.
+    ending of the first failed run.
     """
     response = forward.run(columns, numerics)
     lost = np.flatnonzero(~response.completed)
@@ -198,7 +198,7 @@ def completed_runs(
         at = ", ".join(f"{name} = {value:.6g}" for name, value in place.items())
         raise ValueError(
             f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
-            f"{response.describe(first)}{cure}"
+            f"{response.describe(first)}"
         )
     return response
 

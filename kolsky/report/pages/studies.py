@@ -246,7 +246,6 @@ def _table(result: Budget) -> dict[str, Any]:
             "Share (95 %)": _share(
                 result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval
             ),
-            "Share in all at once (95 %)": _share(source.joint_share, source.joint_interval),
             "Common to all shots": "yes" if source.factor.shared else "no",
             "Refused": "; ".join(source.refused),
             "lost": bool(source.refused),
@@ -270,9 +269,6 @@ def _table(result: Budget) -> dict[str, Any]:
         facts.append(
             ("ended in another valley", f"{len(result.elsewhere)} of {result.searched} whole searches")
         )
-    if result.joint is not None:
-        share = _share(result.joint.unexplained, result.joint.unexplained_interval)
-        facts.append(("of all at once, no straight line explains", share))
     return {"symbol": _named(result.parameter), "facts": facts, "rows": rows}
 
 

@@ -284,11 +284,6 @@ class EqualStrain:
     """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN beyond the curve."""
     shapes: tuple[ShapeAtStrain, ...]
     """Every outline, by strain and shot."""
-    shape_scatter: FloatArray
-    """Standard deviation between shots of the measured radius [m], shape [k], as rms over the height. NaN
-    with fewer than two outlines."""
-    residual_scatter: FloatArray
-    """Standard deviation between shots of measured minus simulated radius [m], shape [k]."""
 
 
 @dataclass(frozen=True)
