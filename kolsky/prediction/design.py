@@ -24,7 +24,7 @@ from kolsky.base.toml import TomlFile
 from kolsky.prediction.predict import Numbers, PlannedTest, Prediction, doubts, predict
 from kolsky.prediction.schema import TestFile
 from kolsky.virtual.motion import MOVES
-from kolsky.virtual.shot_file import KNOT, MOTION, STEEL, si_texts, toml_text
+from kolsky.virtual.shot_file import KNOT, MOTION, STEEL, relaxation_table, si_texts, toml_text
 
 NAMES = tuple(field.name for field in fields(Numbers))
 """Results that can be prescribed."""
@@ -354,12 +354,10 @@ def write_specification(folder: Path, found: Prediction) -> Path:
     material = si_texts(
         m, "law", "parameters", "shear_modulus", "stiffness_factor", "poisson", "damping", "mass_damping"
     )
-    if m.prony_strengths:
-        material["prony_strengths"] = list(m.prony_strengths)
-        material["prony_times"] = [f"{time:.9g} s" for time in m.prony_times]
     tables: dict[str, dict[str, Any]] = {
         "specimen": si_texts(test.specimen, "diameter", "length", "density"),
         "material": material,
+        **({} if test.relaxation is None else {"relaxation": relaxation_table(test.relaxation)}),
         "interface": si_texts(test.interface, "faces", "side", "friction"),
         "transmission": {"support": "bar"},
         "transmission.bar": {

@@ -106,7 +106,7 @@ def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str,
         },
     }
     if q.relaxation is not None:
-        tables["relaxation"] = _relaxation(q.relaxation)
+        tables["relaxation"] = relaxation_table(q.relaxation)
     if q.uncertainty is not None:
         tables["uncertainty"] = _uncertainty(q.uncertainty.model_dump(exclude_unset=True))
     return tables
@@ -121,7 +121,7 @@ def toml_text(tables: Tables, *, name: str, head: str = HEAD) -> str:
     return "\n".join(parts)
 
 
-def _relaxation(declared: RelaxationSection) -> dict[str, Any]:
+def relaxation_table(declared: RelaxationSection) -> dict[str, Any]:
     """[relaxation] as written, every quantity in its SI unit."""
     units = {"times": " s", "sigma_times": " s", "resistance": " Pa", "sigma_resistance": " Pa"}
 
