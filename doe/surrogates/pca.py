@@ -61,12 +61,6 @@ class PrincipalComponents:
         """Largest |response - reduction| over the runs, in response units, shape [k]."""
         return np.asarray(np.abs(self.truncation).max(axis=0))
 
-    @property
-    def kept_variance(self) -> float:
-        """Share of the scaled variance that is kept [-]; 1 if there is none."""
-        total = float(np.sum(self.singular_values**2))
-        return 1.0 if total == 0.0 else float(np.sum(self.singular_values[: self.n_components] ** 2)) / total
-
     def scores(self, responses: FloatArray) -> FloatArray:
         """Coordinates of responses in the basis [-], shape [n, k] -> [n, q]."""
         return ((responses - self.mean) / self.scale) @ self.basis.T

@@ -154,9 +154,9 @@ class DesignChoice:
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
         if self.vary or self.points is not None or self.generators or slides:
             return self.vary
-        from doe.designs import design_kind
+        from doe.designs import DESIGNS
 
-        levels = f":{_LEVELS_ALONE}" if "levels" in design_kind(self.kind).needs else ""
+        levels = f":{_LEVELS_ALONE}" if "levels" in DESIGNS[self.kind].needs else ""
         return (f"stiffness_factor=0.75:1.25{levels}",)
 
     def design(self) -> "Design":
@@ -164,11 +164,10 @@ class DesignChoice:
 
         Raises InputError if options do not fit together, or if they do not give a design.
         """
-        from doe.designs import DESIGNS, design_kind
+        from doe.designs import DESIGNS
         from doe.designs.optimal import keep
 
-        texts.one_of("--design", self.kind, tuple(design.option for design in DESIGNS.values()))
-        kind = design_kind(self.kind)
+        kind = DESIGNS[texts.one_of("--design", self.kind, tuple(DESIGNS))]
         if "points" in kind.needs:
             problem = f"excludes --design {self.kind}, whose file names the parameters"
             texts.refuse({"--vary": bool(self.vary)}, problem, cure="leave out --vary")
@@ -177,7 +176,7 @@ class DesignChoice:
             ("--points", self.points is not None, "points"),
         ):
             if given != (need in kind.needs):
-                kinds = [other.option for other in DESIGNS.values() if need in other.needs]
+                kinds = [name for name, other in DESIGNS.items() if need in other.needs]
                 raise texts.refusal(
                     f"{option} and --design {' or '.join(kinds)} need each other",
                     cure="give both, or neither",
@@ -392,13 +391,7 @@ _SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), re
 """Coarser than that of an identification, because a budget consists of many differences."""
 
 
-def _rates(option: str, text: str) -> tuple[float, ...]:
-    """ "200,1000" as the slowest and the fastest rate [1/s]."""
-    expected = "the slowest and the fastest rate, e.g. 100,1000"
-    rates = tuple(texts.numbers(option, text, expected))
-    if len(rates) != 2:
-        raise texts.unreadable(option, text, expected)
-    return rates
+_rates = texts.checked_numbers("the slowest and the fastest rate, e.g. 100,1000", lambda x: len(x) == 2)
 
 
 def budget(

@@ -7,7 +7,6 @@ written as tables.
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
@@ -18,9 +17,7 @@ import numpy as np
 from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
 from kolsky.base.files import jsonable, write_table
-from kolsky.base.toml import TomlFile
 from kolsky.prediction.predict import Numbers, PlannedTest, Prediction, doubts, predict
 from kolsky.prediction.schema import TestFile
 from kolsky.virtual.motion import MOVES
@@ -123,19 +120,7 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
 
     Raises InputError if a key does not exist, or if a value is not allowed.
     """
-    content = deepcopy(test.file.content)
-    for key, value in values.items():
-        table = content
-        *path, last = key.split(".")
-        for part in path:
-            inner = table.setdefault(part, {})
-            if not isinstance(inner, dict):
-                raise InputError(
-                    test.file.path, "is not a table", key=key, cure="write it as a table of the test file"
-                )
-            table = inner
-        table[last] = value
-    file = TomlFile(test.file.path, test.file.sha256, content, test.file.lines)
+    file = test.file.varied(values)
     return PlannedTest(file, file.validated(TestFile))
 
 
