@@ -65,9 +65,10 @@ def write_shot(
         if q.cameras.write:
             from kolsky.virtual.pictures import write_pictures
 
-            made = write_pictures(q, truth.surface, partial, shot=number, device=device, threads=threads)
-            tables |= made.tables
-            answer["cameras"] = made.answer
+            of_pictures, answer["cameras"] = write_pictures(
+                q, truth.surface, partial, shot=number, device=device, threads=threads
+            )
+            tables |= of_pictures
         (partial / "shot.toml").write_text(toml_text(tables, name=shot.name), encoding="utf-8")
         surface = truth.surface
         np.savez_compressed(

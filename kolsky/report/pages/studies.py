@@ -168,10 +168,10 @@ def _least(result: SweepAnalysis) -> Iterator[tuple[str, str]]:
     if (best := result.best) is not None:
         yield "smallest misfit", f"run {best}: {_place(result.box.as_dict(result.table.points[best]), {})}"
     if (least := result.optimum) is not None:
-        at = _place(least.at, least.at_bound)
+        at = _place(result.box.as_dict(least.x), least.at_bound)
         yield (
             "least of the interpolant",
-            f"{SWEEP_WORDS[least.output]} = {numbers.plain(least.value)} at {at}",
+            f"{SWEEP_WORDS[result.judged]} = {numbers.plain(least.value)} at {at}",
         )
 
 
