@@ -57,7 +57,6 @@ class SobolIndices:
     """Mean of each output over the box, in its unit, shape [s]."""
     variance: FloatArray
     """Variance of each output over the box, in its unit squared, shape [s]."""
-    evaluations: int
 
 
 def at_saltelli_points(
@@ -145,7 +144,6 @@ def sobol_indices(
         total_interval=np.moveaxis(np.quantile(draws[1] / draws[2], ENDS, axis=0), 0, -1).swapaxes(0, 1),
         mean=mean,
         variance=variance,
-        evaluations=n * (box.dimension + 2),
     )
 
 

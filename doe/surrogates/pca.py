@@ -20,9 +20,6 @@ class PrincipalComponents:
     """Scale of each entry, in response units, shape [k]: each entry is divided by its scale."""
     basis: FloatArray
     """Orthonormal components of the scaled response [-], shape [q, k]."""
-    singular_values: FloatArray
-    """All singular values of the scaled, centred responses [-], shape [min(n, k)], including components that
-    are not kept."""
     truncation: FloatArray
     """Response minus its reduction, run by run, in response units, shape [n, k]."""
 
@@ -49,7 +46,7 @@ class PrincipalComponents:
         _, singular, right = np.linalg.svd(scaled, full_matrices=False)
         q = _count_by_variance(singular, variance)
         remainder = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
-        return cls(mean, weights, right[:q], singular, remainder)
+        return cls(mean, weights, right[:q], remainder)
 
     @property
     def n_components(self) -> int:

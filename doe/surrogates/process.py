@@ -297,12 +297,6 @@ class ProcessSurrogate(ComponentSurrogate):
         processes = [GaussianProcess.fit(u, f, start=h) for f, h in zip(groups, starts, strict=True)]
         return cls(box, x, components, tuple(processes))
 
-    def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k]. The errors of
-        the components are assumed to be independent. Raises ValueError as `predict`."""
-        spread = self.score_sigma(points, extrapolate=extrapolate)
-        return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
-
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Means of the components' scores at points [-], shape [m, d] -> [m, q]."""
         u = unit_points(self.box, points, extrapolate=extrapolate)

@@ -46,19 +46,6 @@ class Posterior:
     """Share of accepted moves [-]."""
     prior: str
 
-    def interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
-        """Equal-tailed credible interval of a parameter, in its units.
-
-        Raises ValueError if the name is unknown or the probability outside (0, 1).
-        """
-        if name not in self.names or not 0.0 < probability < 1.0:
-            raise ValueError(
-                f"name must be one of {self.names} and probability in (0, 1), got {name!r}, {probability}"
-            )
-        tail = 50.0 * (1.0 - probability)
-        low, high = np.percentile(self.samples[:, self.names.index(name)], [tail, 100.0 - tail])
-        return float(low), float(high)
-
 
 def sample_posterior(
     likelihood: Likelihood,

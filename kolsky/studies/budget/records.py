@@ -205,6 +205,12 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget in numbers, SI, with the largest source first."""
     low, high = result.u_together_interval
     ordered = sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
+    planned = {} if campaign is None else {
+        "campaign_shots": campaign.shots,
+        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+        "campaign_sigma": campaign.sigma,
+        "campaign_half_width": campaign.half_width,
+    }  # fmt: skip
     return {
         "test": result.name,
         "parameter": result.parameter,
@@ -233,17 +239,7 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
             }
             for source in ordered
         },
-        **(
-            {}
-            if campaign is None
-            else {
-                "campaign_shots": campaign.shots,
-                "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
-                "campaign_sigma": campaign.sigma,
-                "campaign_half_width": campaign.half_width,
-            }
-        ),
-    }
+    } | planned
 
 
 def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
