@@ -264,8 +264,8 @@ def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
         along = _AXES.index(y[0][1])
         end = (low if y[0][0] == "+" else high)[along]
         extent = np.ptp(export.X, axis=0)
-        toward = _AXES.index(Z[0][1])
-        depth, width = extent[toward], extent[3 - along - toward]  # the third axis: 0 + 1 + 2 = 3
+        facing = _AXES.index(Z[0][1])
+        depth, width = extent[facing], extent[3 - along - facing]  # the third axis: 0 + 1 + 2 = 3
         if len(export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0:
             shown.add(
                 "surface.frame", '"cylinder"', "the points show the curve of the side: the axis by best fit"
