@@ -17,9 +17,10 @@ from kolsky.identification import identify
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.relaxation.rate_fit import required_branches
+from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.rate import collected_shot
+from kolsky.studies.rates.rate import RESULT_FILE, collected_shot
 from kolsky.studies.rates.records import GroupRates, RatedShot, ShapeAtStrain
 from kolsky.studies.rates.scatter import SlopeVerdict
 
@@ -79,7 +80,10 @@ def collected(made: Callable[[int, float], Path]) -> Callable[[int, float], Rate
 
     @cache
     def found(number: int, m: float) -> RatedShot:
-        return collected_shot(made(number, m), group="gel", identify=lambda shot: identify(shot, COARSE))
+        place = made(number, m)
+        (place / "results").mkdir()
+        write_identification(place / "results" / RESULT_FILE, identify(load_shot(place), COARSE))
+        return collected_shot(place, group="gel")
 
     return found
 
