@@ -441,10 +441,11 @@ def budget(
 ) -> None:
     """Budget the errors of a test; writes budget.csv and budget.html, and stores realisations in a ledger."""
     from doe.ledger import LedgerError
+    from kolsky.report.pages.studies import budget_rows, budget_warnings
     from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.realisation import factors_of, usual_sizes
-    from kolsky.studies.budget.records import facts, plan_campaign, printed, shot_sigma
+    from kolsky.studies.budget.records import facts, plan_campaign, shot_sigma
     from kolsky.virtual.specification import read_specification
 
     folder = usable_folder(out or (test if test.is_dir() else test.parent) / "results")
@@ -488,13 +489,14 @@ def budget(
             f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}",
             cure="budget more factors, or leave --rates out",
         )
-    summary = {**printed(budgeted[0], campaign), "page": str(folder / "budget.html")}
+    summary = {**budget_rows(budgeted[0], campaign), "page": str(folder / "budget.html")}
     how = {
         "mesh": numerics.mesh, "refined_mesh": settings.refined_mesh, "truth_mesh": quantities.truth.mesh,
         "draws": draws, "together": together,
     }  # fmt: skip
     entries = [facts(one, campaign) for one in budgeted]
-    print_result(summary, jsonable({"made_with": how, "budgets": entries}, "budget"))
+    content = jsonable({"made_with": how, "budgets": entries}, "budget")
+    print_result(summary, content, warnings=budget_warnings(budgeted[0]))
 
 
 def _specification(test: Path, folder: Path) -> Path:

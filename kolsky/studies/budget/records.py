@@ -240,31 +240,3 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
             for source in ordered
         },
     } | planned
-
-
-def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
-    """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
-    said = facts(result, campaign)
-    for name in ("together", "closure", "realisations"):
-        del said[name]
-    elsewhere = said.pop("in_another_valley")
-    words = {source.factor.key: source.factor.words for source in result.sources}
-    lines = {
-        f"U from {words[key]}": f"{2.0 * source['u']:.3g} ({100.0 * source['share']:.2g} %)"
-        if np.isfinite(source["u"])
-        else "not known: the test gave no answer"
-        for key, source in said.pop("sources").items()
-    }
-    known = {
-        key: "not known" if isinstance(value, float) and not np.isfinite(value) else value
-        for key, value in said.items()
-        if not key.startswith("u_")
-    }
-    few = f"not known: {len(result.together)} answers, {FEWEST} are needed"
-    return {**known, **lines} | {
-        "realisations": ", ".join(f"{n} {how}" for how, n in result.counts.items()),
-        "in another valley": f"{len(elsewhere)} of {result.searched}"
-        + (f", at {', '.join(f'{value:.4g}' for value in elsewhere)}" if elsewhere else ""),
-        "U, added in quadrature": f"{2.0 * result.u_sum:.3g}",
-        "U, all at once": f"{2.0 * result.u_together:.3g}" if len(result.together) >= FEWEST else few,
-    }

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from doe.ledger import Run
 from kolsky.inverse.settings import Settings
-from kolsky.report.pages.studies import render_budget
+from kolsky.report.pages.studies import budget_rows, render_budget
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.realisation import (
     NODES,
@@ -26,13 +26,7 @@ from kolsky.studies.budget.realisation import (
     slopes_of,
 )
 from kolsky.studies.budget.realisation import RealisationOutcome as Outcome
-from kolsky.studies.budget.records import (
-    plan_campaign,
-    printed,
-    shares_of_squares,
-    shot_sigma,
-    slope_half_width,
-)
+from kolsky.studies.budget.records import plan_campaign, shares_of_squares, shot_sigma, slope_half_width
 from kolsky.virtual.schema import Specification
 
 FACTORS = factors_of(
@@ -134,9 +128,9 @@ def test_a_test_that_gave_no_answer_leaves_its_source_unknown() -> None:
 def test_a_number_that_is_not_known_is_never_printed_as_nan(truth: float) -> None:
     points = design(FACTORS, draws=8, together=0, seed=1)
     found = analysed("made up", "stiffness_factor", truth, FACTORS, made_up(points, lost=4), 0, 8)
-    lines = printed(found)
+    lines = budget_rows(found)
     assert "nan" not in " ".join(f"{key} {value}" for key, value in lines.items()).lower()
-    assert lines["U, all at once"].startswith("not known: 0 answers")
+    assert lines["U (k = 2), all at once, 0 draws"].startswith("not known: 0 answers")
     page = render_budget([found], None)
     assert ">nan<" not in page
 
