@@ -240,7 +240,7 @@ def paper_method(
         del given[FRICTION]
     search = _Search(shot, held, ledger, progress or (lambda stage, done, total: None))
     whole = design_box(given)
-    surface = search.factorial(whole, [LEVELS if whole.dimension > 1 else LEVELS_ALONE], numerics, "design")
+    surface = search.factorial(whole, LEVELS if whole.dimension > 1 else LEVELS_ALONE, numerics, "design")
     surfaces, told = [surface], FRICTION in whole.names
     if FRICTION in whole.names:
         delta = delta_of(search.run(surface.fit.box, surface.optimum, numerics)[1])  # Eq. (M.8)
@@ -249,7 +249,7 @@ def paper_method(
             if contact_law(shot.interface.faces).needs_friction:
                 search.held[FRICTION] = whole.upper[whole.names.index(FRICTION)]
             whole = design_box({MOVED: given[MOVED]})
-            surface = search.factorial(whole, [LEVELS_ALONE], numerics, "design")
+            surface = search.factorial(whole, LEVELS_ALONE, numerics, "design")
             surfaces.append(surface)
     fine = numerics.with_mesh(refined_mesh)
     refined, checks, (parameters, terms), predicted, moved = search.refine(whole, surface, fine)
@@ -276,9 +276,9 @@ class _Search:
     def __init__(self, shot: Shot, held: dict[str, float], ledger: Path | None, progress: Progress) -> None:
         self.shot, self.held, self.ledger, self.progress = shot, held, ledger, progress
 
-    def factorial(self, box: Box, levels: list[int], numerics: Numerics, stage: str) -> Surface:
+    def factorial(self, box: Box, levels: int | list[int], numerics: Numerics, stage: str) -> Surface:
         """Run a full factorial and find the minimum of the surface through its costs."""
-        design = full_factorial(box, levels * box.dimension if len(levels) == 1 else levels)
+        design = full_factorial(box, levels)
         self.progress(stage, 0, len(design))
         runs = sweeping.sweep(
             self.shot,

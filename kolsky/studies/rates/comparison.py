@@ -331,7 +331,7 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
 
 def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     rates = {shot.quasi_static.rate for shot in counted}
-    if rates and rates != {None} and len(rates) > 1:
+    if len(rates) > 1:
         return [
             "the quasi-static curves have different rates, or not all are declared: no line to them is drawn"
         ]
