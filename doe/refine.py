@@ -104,23 +104,8 @@ FACE = 1e-4
 
 
 @dataclass(frozen=True)
-class Round:
-    """One batch of new runs."""
-
-    points: FloatArray
-    """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
-    predicted: float
-    confirmed: float
-    """Misfit of the run at the optimum; NaN if it failed."""
-    shift: float
-    """Move of the optimum by the runs, in its standard deviations [-]."""
-    edge: float
-    """Edge of the region in the unit box [-]."""
-
-
-@dataclass(frozen=True)
 class Refinement:
-    """The optimum, the surrogate around it, and the rounds of runs."""
+    """The optimum, the surrogate around it, and all runs."""
 
     x: FloatArray
     """The optimum of the last surrogate, in parameter units, shape [d]."""
@@ -129,19 +114,12 @@ class Refinement:
     region: Box
     surrogate: ProcessSurrogate
     """Surrogate built from the runs in and near the last region."""
-    rounds: tuple[Round, ...]
     points: FloatArray
-    """All completed runs, including the first design, in parameter units, shape [n, d]."""
+    """All completed runs, the first design and then each round, in parameter units, shape [n, d]."""
     responses: FloatArray
     """Responses of these runs, shape [n, k]."""
     converged: bool
     """True if the last runs did not move the optimum."""
-
-    @property
-    def ended(self) -> str:
-        """Text: how the refinement ended."""
-        reason = f"the last runs moved the optimum by {self.rounds[-1].shift:.2g} standard deviations"
-        return reason if self.converged else f"{reason}, and the rounds were used up"
 
 
 def refine(
@@ -171,7 +149,6 @@ def refine(
     start = x[int(np.argmin(values))]
     surrogate = _about(box, region, x, y, scale)
     best, sigma = locate(surrogate, region, start)
-    rounds: list[Round] = []
     converged = False
     for number in range(max_rounds):
         new = choose(surrogate, region, best, misfit, size, np.random.default_rng([rng, number]))
@@ -179,7 +156,6 @@ def refine(
         finite = np.asarray(np.isfinite(new_responses).all(axis=1), dtype=np.bool_)
         x, y = np.concatenate([x, new[finite]]), np.concatenate([y, new_responses[finite]])
         values = np.append(values, misfit(new_responses[finite]))
-        predicted = float(misfit(surrogate.predict(best[None]))[0])
         inside = not _on_inner_face(best, region, box)
         # A real run with a lower misfit is preferred to the surrogate's prediction.
         centre = x[int(np.argmin(values))]
@@ -192,12 +168,10 @@ def refine(
         before = best
         best, sigma = locate(surrogate, region, centre)
         shift = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
-        confirmed = float(misfit(new_responses[:1])[0]) if finite[0] else float("nan")
-        rounds.append(Round(new, predicted, confirmed, shift, zoom.edge))
         if inside and finite[0] and shift <= CONVERGED_MOVE:
             converged = True
             break
-    return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)
+    return Refinement(best, sigma, region, surrogate, x, y, converged)
 
 
 class _Zoom:

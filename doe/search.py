@@ -77,10 +77,6 @@ class SearchResult:
     at_bound: dict[str, str]
     """ "lower" or "upper" for each parameter within 10 tolerances of a face, also if the search did not
     converge."""
-    trace_points: FloatArray
-    """Every point tried, in order, in parameter units, shape [evaluations, d]."""
-    trace_values: FloatArray
-    """The function there, shape [evaluations]."""
 
 
 class _Recorder:
@@ -94,7 +90,7 @@ class _Recorder:
 
     def __call__(self, unit_point: FloatArray) -> float:
         point = self.box.scale(unit_point)
-        # A copy: a function that changes its argument must not change the simplex or the trace.
+        # A copy: a function that changes its argument must not change the simplex.
         value = float(self.function(point.copy()))
         if not np.isfinite(value):
             where = ", ".join(f"{name} = {x:.12g}" for name, x in self.box.as_dict(point).items())
@@ -224,6 +220,5 @@ def _result(recorder: _Recorder, converged: bool, margin: float) -> SearchResult
         outcome = SearchOutcome.AT_BOUND if at_bound else SearchOutcome.CONVERGED
     return SearchResult(
         x=recorder.points[best], value=recorder.values[best], evaluations=len(recorder.values),
-        outcome=outcome, at_bound=at_bound, trace_points=np.stack(recorder.points),
-        trace_values=np.array(recorder.values),
+        outcome=outcome, at_bound=at_bound,
     )  # fmt: skip

@@ -6,13 +6,6 @@ and B are two independent samples. AB_i is the sample A with the i-th column of 
     S_i  = mean(f_B (f_ABi - f_A)) / V        first order, Saltelli et al. (2010)
     ST_i = mean((f_A - f_ABi)^2) / 2 V        total, Jansen (1999)
 
-A history is reduced to the scores of its principal components. The covariances of the scores give the indices
-of every entry. They also give the sum of the indices weighted by the variances, the generalised index
-
-    GS_i = tr C_i / tr C,      C_i = Cov(E[R | x_i]),
-
-of Lamboni, Monod and Makowski (2011) and Gamboa et al. (2014).
-
 Morris' trajectory has d + 1 points. From one point to the next, one parameter moves by p / 2 (p - 1) of its
 edge; p is the number of levels. An effect is the change of the output over this move (Morris 1991). Its mean
 size measures the parameter's influence. Its scatter shows whether the effect depends on the position in the
@@ -26,13 +19,12 @@ from dataclasses import dataclass
 from operator import index
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.designs.design import Design, Rng, seed_of
-from doe.surrogates.pca import PrincipalComponents
 
 Function = Callable[[FloatArray], FloatArray]
 """Outputs, shape [n, s], at points in parameter units, shape [n, d]."""
@@ -65,43 +57,23 @@ class SobolIndices:
     """Mean of each output over the box, in its unit, shape [s]."""
     variance: FloatArray
     """Variance of each output over the box, in its unit squared, shape [s]."""
-    evaluations: int
 
 
-@dataclass(frozen=True)
-class SaltelliSample:
-    """The points of the estimators above, in the unit box."""
+def at_saltelli_points(
+    function: Function, box: Box, n: int, rng: Rng
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The function at A, B and all AB_i: shapes [n, s], [n, s] and [d, n, s].
 
-    A: FloatArray
-    """Shape [n, d]."""
-    B: FloatArray
-    """Shape [n, d]."""
-
-    @classmethod
-    def draw(cls, d: int, n: int, rng: Rng) -> SaltelliSample:
-        """Halves of a scrambled Sobol' sequence in 2 d dimensions.
-
-        Raises ValueError if n is not a power of two or below 4: only then the sequence is balanced.
-        """
-        count = index(n)
-        if count < 4 or count & (count - 1):
-            raise ValueError(f"n must be a power of two, at least 4, got {count}")
-        points = qmc.Sobol(2 * d, rng=seed_of(rng)).random(count)
-        return cls(points[:, :d], points[:, d:])
-
-    def mixed(self, i: int) -> FloatArray:
-        """A with the i-th column of B, shape [n, d]."""
-        points = self.A.copy()
-        points[:, i] = self.B[:, i]
-        return points
-
-    def ask(self, function: Function, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The function at A, B and all AB_i: shapes [n, s], [n, s] and [d, n, s]."""
-        d = box.dimension
-        sets = [self.A, self.B, *(self.mixed(i) for i in range(d))]
-        values = evaluate(function, box, np.concatenate(sets))
-        parts = values.reshape(d + 2, len(self.A), -1)
-        return parts[0], parts[1], parts[2:]
+    A and B are halves of a scrambled Sobol' sequence in 2 d dimensions. Raises ValueError if n is not a power
+    of two or below 4: only then the sequence is balanced.
+    """
+    d, count = box.dimension, index(n)
+    if count < 4 or count & (count - 1):
+        raise ValueError(f"n must be a power of two, at least 4, got {count}")
+    A, B = np.hsplit(qmc.Sobol(2 * d, rng=seed_of(rng)).random(count), 2)
+    mixed = [np.where(np.arange(d) == i, B, A) for i in range(d)]
+    values = evaluate(function, box, np.concatenate([A, B, *mixed])).reshape(d + 2, count, -1)
+    return values[0], values[1], values[2:]
 
 
 def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArray:
@@ -147,11 +119,17 @@ def sobol_indices(
         over the box.
     """
     seed = seed_of(rng)
-    at_A, at_B, at_AB = SaltelliSample.draw(box.dimension, n, seed).ask(function, box)
+    at_A, at_B, at_AB = at_saltelli_points(function, box, n, seed)
     if at_A.shape[1] != len(outputs):
         raise ValueError(f"the function returns {at_A.shape[1]} outputs, {len(outputs)} are named")
-    mean, variance = _moments(at_A, at_B)
-    _refuse_constant(outputs, mean, variance)
+    both = np.concatenate([at_A, at_B])
+    mean, variance = both.mean(axis=0), both.var(axis=0)
+    # Smaller differences are round-off of the values.
+    still = np.flatnonzero(variance <= (1e-13 * np.abs(mean)) ** 2)
+    if len(still):
+        raise ValueError(
+            f"{outputs[still[0]]!r} is {mean[still[0]]:.6g} all over the box: nothing to explain"
+        )
     # Values relative to their mean: the first-order estimator then has the smallest scatter.
     first = (at_B - mean) * (at_AB - at_A)
     total = 0.5 * (at_A - at_AB) ** 2
@@ -166,7 +144,6 @@ def sobol_indices(
         total_interval=np.moveaxis(np.quantile(draws[1] / draws[2], ENDS, axis=0), 0, -1).swapaxes(0, 1),
         mean=mean,
         variance=variance,
-        evaluations=n * (box.dimension + 2),
     )
 
 
@@ -175,104 +152,6 @@ def _resampled(terms: list[FloatArray], seed: int) -> list[FloatArray]:
     n = terms[0].shape[-2]
     counts = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES) / n
     return [np.tensordot(counts, term, axes=(1, term.ndim - 2)) for term in terms]
-
-
-def _moments(at_A: FloatArray, at_B: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values = np.concatenate([at_A, at_B])
-    return values.mean(axis=0), values.var(axis=0)
-
-
-def _refuse_constant(outputs: tuple[str, ...], mean: FloatArray, variance: FloatArray) -> None:
-    # Smaller differences are round-off of the values.
-    still = np.flatnonzero(variance <= (1e-13 * np.abs(mean)) ** 2)
-    if len(still):
-        raise ValueError(
-            f"{outputs[still[0]]!r} is {mean[still[0]]:.6g} all over the box: nothing to explain"
-        )
-
-
-PILOT = 256
-"""Points from which the components are taken."""
-KEPT_VARIANCE = 1.0 - 1e-6
-"""Share of a history's scaled variance that its components keep."""
-SILENT = 1e-6
-"""An entry has no indices if its variance over the largest one is smaller than this. If the wave has not
-reached a point, its indices would be shares of round-off."""
-
-
-@dataclass(frozen=True)
-class HistoryIndices:
-    """Indices of a history with k entries."""
-
-    names: tuple[str, ...]
-    first: FloatArray
-    """First-order index of each entry [-], shape [d, k]; NaN where the variance of the entry is too small."""
-    total: FloatArray
-    """Total index of each entry [-], shape [d, k]; NaN likewise."""
-    variance: FloatArray
-    """Variance of each entry over the box, in its unit squared, shape [k]."""
-    aggregated_first: FloatArray
-    """Generalised first-order index [-], shape [d]."""
-    aggregated_total: FloatArray
-    """Generalised total index [-], shape [d]."""
-    aggregated_total_interval: FloatArray
-    """Ends of the bootstrap interval of the total one [-], shape [d, 2]."""
-    components: int
-    kept_variance: float
-    """Share of the scaled variance in them [-]."""
-
-
-def history_indices(
-    box: Box, function: Function, *, scale: ArrayLike = 1.0, n: int = 1024, rng: Rng
-) -> HistoryIndices:
-    """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
-
-    ``box``: where the parameters vary, uniformly and independently. ``function``: the histories at points,
-    shape [n, d] -> [n, k]. ``scale``: scale of each entry in the generalised index, > 0, in its unit: a
-    number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer seed or
-    generator.
-    """
-    seed = seed_of(rng)
-    sample = SaltelliSample.draw(box.dimension, n, seed)
-    pilot = evaluate(function, box, sample.A[:PILOT])
-    reduction = PrincipalComponents.fit(pilot, scale=scale, variance=KEPT_VARIANCE)
-    if not reduction.singular_values[0] > 1e-12 * np.abs(pilot / reduction.scale).max():
-        raise ValueError("the history is the same all over the box: nothing to explain")
-    at_A, at_B, at_AB = sample.ask(lambda x: reduction.scores(function(x)), box)
-    values = np.concatenate([at_A, at_B])
-    centre = values.mean(axis=0)
-    at_A, at_B, at_AB = at_A - centre, at_B - centre, at_AB - centre
-    change = at_AB - at_A
-    whole = (values - centre).T @ (values - centre) / len(values)
-    of_first = np.einsum("np,dnq->dpq", at_B, change) / n
-    of_total = 0.5 * np.einsum("dnp,dnq->dpq", change, change) / n
-    basis = reduction.basis
-
-    def diagonal(covariance: FloatArray) -> FloatArray:
-        return np.einsum("...pq,pk,qk->...k", covariance, basis, basis, optimize=True)
-
-    spread = diagonal(whole) * reduction.scale**2
-    alive = spread > SILENT * spread.max()
-    share = np.divide(reduction.scale**2, spread, out=np.full_like(spread, np.nan), where=alive)
-    traces = _resampled(
-        [
-            0.5 * (change**2).sum(axis=-1, keepdims=True),
-            0.5 * (at_A**2 + at_B**2).sum(axis=-1, keepdims=True)[None],
-        ],
-        seed,
-    )
-    size = float(np.trace(whole))
-    return HistoryIndices(
-        names=box.names,
-        first=diagonal(of_first) * share,
-        total=diagonal(of_total) * share,
-        variance=spread,
-        aggregated_first=np.trace(of_first, axis1=1, axis2=2) / size,
-        aggregated_total=np.trace(of_total, axis1=1, axis2=2) / size,
-        aggregated_total_interval=np.quantile((traces[0] / traces[1])[..., 0], ENDS, axis=0).T,
-        components=reduction.n_components,
-        kept_variance=reduction.kept_variance,
-    )
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,11 @@ if TYPE_CHECKING:
     from kolsky.shot.optical_data import measured
     from kolsky.shot.records import Shot
     from kolsky.shot.waves import repeats, waves
-    from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
     from kolsky.studies.paper_method import paper_method
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
-    from kolsky.studies.sweep_analysis import analyse_sweep
+    from kolsky.studies.sweep_analysis import analyse_sweep, screening
 
 _HOME = {
     "EndFriction": "kolsky.material.end_friction.problem",
@@ -77,7 +76,6 @@ _HOME = {
     "figures_of": "kolsky.report.figures",
     "fit_flyer": "kolsky.bars.flyer.path",
     "fit_law": "kolsky.material.fits.fit",
-    "global_sensitivity": "kolsky.studies.global_sensitivity",
     "identify": "kolsky.identification",
     "identify_shots": "kolsky.joint_identification",
     "load_pictures": "kolsky.shot.load",
@@ -98,10 +96,9 @@ _HOME = {
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.waves",
     "save_figures": "kolsky.report.canvas",
-    "screening": "kolsky.studies.global_sensitivity",
+    "screening": "kolsky.studies.sweep_analysis",
     "simulate": "kolsky.inverse.simulate",
     "slow_compression": "kolsky.material.slow_compression",
-    "solver_sensitivity": "kolsky.studies.global_sensitivity",
     "sweep": "kolsky.studies.sweep",
     "tables_of": "kolsky.report.result_folder",
     "to_dataframe": "kolsky.report.notebook",

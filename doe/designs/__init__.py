@@ -7,21 +7,18 @@ from doe.designs.response_surface import box_behnken, central_composite, fractio
 from doe.designs.space_filling import from_points, full_factorial, halton, latin_hypercube, maximin, sobol
 
 DESIGNS: dict[str, DesignKind] = {
-    kind.function.__name__: kind
-    for kind in (
-        DesignKind(full_factorial, "factorial", ("levels",)),
-        DesignKind(latin_hypercube, "lhs", ("runs", "rng")),
-        DesignKind(maximin, "maximin", ("runs", "rng")),
-        DesignKind(sobol, "sobol", ("runs", "rng")),
-        DesignKind(halton, "halton", ("runs", "rng")),
-        DesignKind(fractional_factorial, "fractional", ("generators",)),
-        DesignKind(central_composite, "composite", ()),
-        DesignKind(box_behnken, "box-behnken", ()),
-        DesignKind(d_optimal, "d-optimal", ("runs", "rng", "candidates")),
-        DesignKind(from_points, "csv", ("points",)),
-    )
+    "factorial": DesignKind(full_factorial, ("levels",)),
+    "lhs": DesignKind(latin_hypercube, ("runs", "rng")),
+    "maximin": DesignKind(maximin, ("runs", "rng")),
+    "sobol": DesignKind(sobol, ("runs", "rng")),
+    "halton": DesignKind(halton, ("runs", "rng")),
+    "fractional": DesignKind(fractional_factorial, ("generators",)),
+    "composite": DesignKind(central_composite, ()),
+    "box-behnken": DesignKind(box_behnken, ()),
+    "d-optimal": DesignKind(d_optimal, ("runs", "rng", "candidates")),
+    "csv": DesignKind(from_points, ("points",)),
 }
-"""Designs by the name of their function, in the order of a command line's help."""
+"""Designs by their names at a command line, in the order of its help."""
 
 __all__ = [
     "DESIGNS",
@@ -31,7 +28,6 @@ __all__ = [
     "box_behnken",
     "central_composite",
     "d_optimal",
-    "design_kind",
     "fractional_factorial",
     "from_points",
     "full_factorial",
@@ -40,12 +36,3 @@ __all__ = [
     "maximin",
     "sobol",
 ]
-
-
-def design_kind(option: str) -> DesignKind:
-    """Find a design by its name at a command line."""
-    for kind in DESIGNS.values():
-        if kind.option == option:
-            return kind
-    options = ", ".join(kind.option for kind in DESIGNS.values())
-    raise ValueError(f"there is no design {option!r}; choose from {options}")

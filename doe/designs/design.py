@@ -32,7 +32,7 @@ class Design:
     box: Box
     """The box they were drawn in."""
     kind: str
-    """The design's name in `DESIGNS`."""
+    """Name of the design's function."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """The options that reproduce it; "rng" is an integer seed also if a generator was given."""
 
@@ -86,8 +86,6 @@ class DesignKind:
     function: Callable[..., Design]
     """Function of the box and of the options listed in `needs`, with their names in `DesignKind.make`. "runs"
     is its n."""
-    option: str
-    """Name at a command line."""
     needs: tuple[Need, ...]
     """Options of `make` that the function takes."""
 

@@ -20,9 +20,6 @@ class PrincipalComponents:
     """Scale of each entry, in response units, shape [k]: each entry is divided by its scale."""
     basis: FloatArray
     """Orthonormal components of the scaled response [-], shape [q, k]."""
-    singular_values: FloatArray
-    """All singular values of the scaled, centred responses [-], shape [min(n, k)], including components that
-    are not kept."""
     truncation: FloatArray
     """Response minus its reduction, run by run, in response units, shape [n, k]."""
 
@@ -49,7 +46,7 @@ class PrincipalComponents:
         _, singular, right = np.linalg.svd(scaled, full_matrices=False)
         q = _count_by_variance(singular, variance)
         remainder = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
-        return cls(mean, weights, right[:q], singular, remainder)
+        return cls(mean, weights, right[:q], remainder)
 
     @property
     def n_components(self) -> int:
@@ -60,12 +57,6 @@ class PrincipalComponents:
     def truncation_error(self) -> FloatArray:
         """Largest |response - reduction| over the runs, in response units, shape [k]."""
         return np.asarray(np.abs(self.truncation).max(axis=0))
-
-    @property
-    def kept_variance(self) -> float:
-        """Share of the scaled variance that is kept [-]; 1 if there is none."""
-        total = float(np.sum(self.singular_values**2))
-        return 1.0 if total == 0.0 else float(np.sum(self.singular_values[: self.n_components] ** 2)) / total
 
     def scores(self, responses: FloatArray) -> FloatArray:
         """Coordinates of responses in the basis [-], shape [n, k] -> [n, q]."""

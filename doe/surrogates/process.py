@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.pca import PrincipalComponents
-from doe.surrogates.protocol import SurrogateError, checked_runs, unit_points
+from doe.surrogates.protocol import ComponentSurrogate, SurrogateError, checked_runs, unit_points
 
 Correlation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Correlation c and its slope -2 dc/d(r^2) for squared distances r^2 [squared correlation lengths]."""
@@ -258,7 +258,7 @@ share one set."""
 
 
 @dataclass(frozen=True)
-class ProcessSurrogate:
+class ProcessSurrogate(ComponentSurrogate):
     """Predicts the response vector and its standard deviation, entry by entry. The standard deviation is that
     of the interpolation between the runs with the most likely hyperparameters. It does not include the error
     of truncation."""
@@ -297,19 +297,6 @@ class ProcessSurrogate:
         processes = [GaussianProcess.fit(u, f, start=h) for f, h in zip(groups, starts, strict=True)]
         return cls(box, x, components, tuple(processes))
 
-    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points in parameter units, shape [m, d] -> [m, k].
-
-        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
-        """
-        return self.components.expand(self.scores(points, extrapolate=extrapolate))
-
-    def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k]. The errors of
-        the components are assumed to be independent. Raises ValueError as `predict`."""
-        spread = self.score_sigma(points, extrapolate=extrapolate)
-        return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
-
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Means of the components' scores at points [-], shape [m, d] -> [m, q]."""
         u = unit_points(self.box, points, extrapolate=extrapolate)
@@ -338,16 +325,6 @@ class ProcessSurrogate:
         return ProcessSurrogate(self.box, np.concatenate([self.points, x]), self.components, tuple(groups))
 
     @property
-    def n_components(self) -> int:
-        """Number of components kept."""
-        return self.components.n_components
-
-    @property
-    def truncation_error(self) -> FloatArray:
-        """Largest |response - reduction| over the runs, in response units, shape [k]."""
-        return self.components.truncation_error
-
-    @property
     def nugget_error(self) -> FloatArray:
         """Largest |mean - run| of each score over the runs, converted to response units, shape [k]."""
         missed = np.concatenate([p.values - p.predict(p.unit_points) for p in self.processes], axis=1)
@@ -355,16 +332,9 @@ class ProcessSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Response of each run minus its prediction from the other runs, in response units, shape [n, k]. The
-        components and hyperparameters are those of all runs. The residual of a run includes its truncation
-        error."""
+        """See `ComponentSurrogate`; in response units, shape [n, k]."""
         scores = np.concatenate([process.loo_residuals for process in self.processes], axis=1)
         return self.components.deviation(scores) + self.components.truncation
-
-    @property
-    def loo_rms(self) -> float:
-        """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
-        return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))
 
 
 def _rescaled(surrogate: ProcessSurrogate, box: Box) -> list[Hyperparameters | None]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import comb
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from scipy.spatial.distance import cdist
 
 from doe.arrays import FloatArray
 from doe.box import Box
+from doe.surrogates.pca import PrincipalComponents
 
 LEAST_DEGREE = {"thin_plate_spline": 1, "cubic": 1, "quintic": 2, "multiquadric": 0, "gaussian": 0}
 """Kernel names (scipy's), each with the lowest degree of the polynomial tail that makes the system solvable.
@@ -129,20 +131,43 @@ class Surrogate(Protocol):
         ValueError unless `extrapolate` is True."""
 
 
-@runtime_checkable
-class ComponentSurrogate(Surrogate, Protocol):
+class ComponentSurrogate(ABC):
     """A surrogate of the scores of principal components. Its response is affine in the scores."""
+
+    components: PrincipalComponents
+
+    @abstractmethod
+    def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Scores of the components at points in parameter units [-], shape [m, d] -> [m, q]; errors as in
+        `predict`."""
+
+    @property
+    @abstractmethod
+    def loo_residuals(self) -> FloatArray:
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k]. It
+        includes the run's truncation error. Components and other choices are those of all runs."""
+
+    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """The response at points in parameter units, shape [m, d] -> [m, k].
+
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        """
+        return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     @property
     def n_components(self) -> int:
-        """Number of components."""
+        """Number of components kept."""
+        return self.components.n_components
 
     @property
-    def components(self) -> Any:
-        """The `doe.surrogates.PrincipalComponents`."""
+    def truncation_error(self) -> FloatArray:
+        """Largest |response - reduction| over the runs, in response units, shape [k]."""
+        return self.components.truncation_error
 
-    def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The scores at points in parameter units, shape [m, d] -> [m, n_components]."""
+    @property
+    def loo_rms(self) -> float:
+        """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
+        return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))
 
 
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:

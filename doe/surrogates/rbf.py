@@ -18,7 +18,14 @@ from scipy.spatial.distance import pdist, squareform
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.surrogates.pca import PrincipalComponents
-from doe.surrogates.protocol import DEFAULT_KERNELS, Kernel, SurrogateError, checked_runs, unit_points
+from doe.surrogates.protocol import (
+    DEFAULT_KERNELS,
+    ComponentSurrogate,
+    Kernel,
+    SurrogateError,
+    checked_runs,
+    unit_points,
+)
 
 LARGEST_CONDITION = 1e12
 """Largest condition number of the reduced kernel matrix. Above it the leave-one-out operator has fewer than
@@ -156,7 +163,7 @@ def _refuse_twins(unit_points: FloatArray) -> None:
 
 
 @dataclass(frozen=True)
-class ResponseSurrogate:
+class ResponseSurrogate(ComponentSurrogate):
     """Predicts the response vector. A cost is computed from the prediction. A cost with absolute values has a
     kink where the response is smooth in the parameters. One surrogate is sufficient for every cost."""
 
@@ -191,38 +198,15 @@ class ResponseSurrogate:
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         return cls(box, x, components, choose_kernel(box.unit(x), components.scores(y), kernels))
 
-    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points in parameter units, shape [m, d] -> [m, k].
-
-        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
-        """
-        return self.components.expand(self.scores(points, extrapolate=extrapolate))
-
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Coordinates of the predicted response in the components, shape [m, d] -> [m, q]; errors as in
+        """Coordinates of the predicted response in the components [-], shape [m, d] -> [m, q]; errors as in
         `predict`."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     @property
-    def n_components(self) -> int:
-        """Number of components kept."""
-        return self.components.n_components
-
-    @property
-    def truncation_error(self) -> FloatArray:
-        """Largest |response - reduction| over the runs, in response units, shape [k]."""
-        return self.components.truncation_error
-
-    @property
     def loo_residuals(self) -> FloatArray:
-        """Response of each run minus its prediction from the other runs, in response units, shape [n, k]. The
-        components are those of all runs. The residual of a run includes its truncation error."""
+        """See `ComponentSurrogate`; in response units, shape [n, k]."""
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
-
-    @property
-    def loo_rms(self) -> float:
-        """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
-        return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 from doe.arrays import FloatArray
 from doe.box import Box
@@ -21,8 +19,6 @@ Model = Callable[[FloatArray], FloatArray]
 STEP = 1e-4
 """Half the distance of central differences in the unit box. Their error is 1e-8 of a smooth model's third
 derivative, far above the round-off of a surrogate."""
-ROUNDS = 100
-"""Largest number of rounds. In a round, parameters are fitted first, then discrepancies."""
 MOST_STEPS = 100
 """Largest number of steps of a least-squares search."""
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6
@@ -42,19 +38,16 @@ class Channel:
     name: str
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
-    discrepancy: float | Literal["profiled"] = 0.0
-    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is a fixed tau.
-    "profiled" uses the most likely tau at every point."""
+    discrepancy: float = 0.0
+    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units."""
 
     def __post_init__(self) -> None:
         sigma = np.atleast_1d(np.asarray(self.sigma, dtype=np.float64))
         object.__setattr__(self, "sigma", sigma)
         if sigma.ndim != 1 or not sigma.size or not np.all(np.isfinite(sigma) & (sigma > 0.0)):
             raise ValueError(f"sigma of channel {self.name!r} must be finite and > 0, one for each entry")
-        if self.discrepancy != "profiled" and not 0.0 <= float(self.discrepancy) < np.inf:
-            raise ValueError(
-                f'discrepancy of channel {self.name!r} must be >= 0 or "profiled", got {self.discrepancy}'
-            )
+        if not 0.0 <= float(self.discrepancy) < np.inf:
+            raise ValueError(f"discrepancy of channel {self.name!r} must be >= 0, got {self.discrepancy}")
 
     def whitened(self, residual: FloatArray, tau: float) -> FloatArray:
         """Residuals as variables of unit variance, shape [..., k_c]."""
@@ -65,24 +58,6 @@ class Channel:
         spread = float(np.log1p((tau / self.sigma) ** 2).sum())
         return float((self.whitened(residual, tau) ** 2).sum()) + spread
 
-    def best_discrepancy(self, residual: FloatArray) -> float:
-        """The fixed tau, or the most likely one for a residual, shape [k_c]."""
-        if self.discrepancy != "profiled":
-            return float(self.discrepancy)
-        typical = float(np.median(self.sigma))
-        if np.ptp(self.sigma) <= 1e-12 * typical:
-            excess = float((self.whitened(residual, 0.0) ** 2).mean()) - 1.0
-            return typical * float(np.sqrt(max(excess, 0.0)))
-        # In the logarithm: a tau of any size is found with the same relative error.
-        largest = 10.0 * float(np.max(np.abs(residual))) + typical
-        optimum = minimize_scalar(
-            lambda s: self.deviance(residual, typical * float(np.expm1(s))),
-            bounds=(0.0, float(np.log1p(largest / typical))),
-            method="bounded",
-            options={"xatol": 1e-9},
-        )
-        return typical * float(np.expm1(optimum.x)) if optimum.fun < self.deviance(residual, 0.0) else 0.0
-
 
 @dataclass(frozen=True)
 class Fit:
@@ -92,8 +67,6 @@ class Fit:
     """Point in the unit box [-], shape [d]."""
     point: FloatArray
     """Point in parameter units, shape [d]."""
-    discrepancies: FloatArray
-    """tau of each channel, in its units, shape [n_channels]."""
     deviance: float
     """-2 ln L there, up to a constant of the problem."""
     converged: bool
@@ -148,63 +121,55 @@ class Likelihood:
             raise ValueError(f"the model is not finite at {self.box.as_dict(x[bad[0]])}")
         return np.asarray(predicted - self.data)
 
-    def discrepancies(self, residual: FloatArray) -> FloatArray:
-        """tau of each channel for a residual of shape [k], shape [n_channels]."""
-        pairs = zip(self.channels, self.slices, strict=True)
-        return np.array([channel.best_discrepancy(residual[part]) for channel, part in pairs])
+    @property
+    def discrepancies(self) -> FloatArray:
+        """tau of each channel, in its units, shape [n_channels]."""
+        return np.array([float(channel.discrepancy) for channel in self.channels])
 
-    def whitened(self, residuals: FloatArray, discrepancies: FloatArray) -> FloatArray:
+    def whitened(self, residuals: FloatArray) -> FloatArray:
         """Residuals (or columns of a Jacobian) as uncorrelated variables of unit variance, shape [..., k]."""
-        pairs = zip(self.channels, self.slices, discrepancies, strict=True)
+        pairs = zip(self.channels, self.slices, self.discrepancies, strict=True)
         return np.concatenate(
             [channel.whitened(residuals[..., part], tau) for channel, part, tau in pairs], axis=-1
         )
 
-    def deviance(self, residual: FloatArray, discrepancies: FloatArray) -> float:
-        """-2 ln L of a residual of shape [k], up to a constant of the problem."""
-        pairs = zip(self.channels, self.slices, discrepancies, strict=True)
+    def deviance(self, residual: FloatArray, discrepancies: FloatArray | None = None) -> float:
+        """-2 ln L of a residual of shape [k], up to a constant of the problem; also with other
+        discrepancies."""
+        taus = self.discrepancies if discrepancies is None else discrepancies
+        pairs = zip(self.channels, self.slices, taus, strict=True)
         return sum(channel.deviance(residual[part], tau) for channel, part, tau in pairs)
 
-    def jacobian(self, unit_point: FloatArray, discrepancies: FloatArray) -> FloatArray:
+    def jacobian(self, unit_point: FloatArray) -> FloatArray:
         """Whitened derivatives by unit coordinates, central (one-sided at a face), shape [k, d]."""
         d = self.box.dimension
         up = np.minimum(unit_point + STEP * np.eye(d), 1.0)
         down = np.maximum(unit_point - STEP * np.eye(d), 0.0)
         r = self.residuals(np.concatenate([up, down]))
         change = (r[:d] - r[d:]) / (up - down).sum(axis=1)[:, None]
-        return self.whitened(change, discrepancies).T
+        return self.whitened(change).T
 
     def maximise(self, start: ArrayLike, *, held: Sequence[int] = (), rest: float = 1e-9) -> Fit:
         """Most likely point, searched from a start in the unit box, shape [d]; coordinates in ``held`` keep
         their start values.
 
-        A least-squares search ends if its linear model expects a smaller gain of chi-square than ``rest``.
-        Parameters (by bounded least squares) and profiled discrepancies are improved in turn. The deviance
+        The search ends if its linear model expects a smaller gain of chi-square than ``rest``. The deviance
         never increases.
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)
         rows = self.residuals(_neighbours(u, free))
-        tau = self.discrepancies(rows[0])
-        value = self.deviance(rows[0], tau)
-        moving = any(channel.discrepancy == "profiled" for channel in self.channels)
-        converged = not len(free)
-        for turn in range(ROUNDS if len(free) else 0):
-            rows = self.residuals(_neighbours(u, free)) if turn else rows
-            trial, residual, ok = self._least_squares(u, rows, free, tau, rest)
-            trial_tau = self.discrepancies(residual)
-            lower = self.deviance(residual, trial_tau)
-            gain = value - lower
-            if gain > 0.0:
-                u, tau, value = trial, trial_tau, lower
-            # A change of 1e-6 in deviance is negligible compared with the 3.84 of an interval.
-            if not moving or gain < 1e-6:
-                converged = ok
-                break
-        return Fit(u, self.box.scale(u), tau, value, converged)
+        value = self.deviance(rows[0])
+        if not len(free):
+            return Fit(u, self.box.scale(u), value, converged=True)
+        trial, residual, converged = self._least_squares(u, rows, free, rest)
+        lower = self.deviance(residual)
+        if lower < value:
+            u, value = trial, lower
+        return Fit(u, self.box.scale(u), value, converged)
 
     def _least_squares(
-        self, u: FloatArray, rows: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
+        self, u: FloatArray, rows: FloatArray, free: NDArray[np.int_], rest: float
     ) -> tuple[FloatArray, FloatArray, bool]:
         """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged. Each trial
         point is evaluated together with its neighbours for central differences. ``rows``: residuals at the
@@ -214,7 +179,7 @@ class Likelihood:
         def linearised(points: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
             apart = (points[1 : 1 + n] - points[1 + n :]).sum(axis=1)
             slope = (rows[1 : 1 + n] - rows[1 + n :]) / apart[:, None]
-            return rows[0], self.whitened(rows[0], tau), self.whitened(slope, tau).T
+            return rows[0], self.whitened(rows[0]), self.whitened(slope).T
 
         raw, residual, slope = linearised(_neighbours(u, free), rows)
         damping = LEAST_DAMPING

@@ -46,19 +46,6 @@ class Posterior:
     """Share of accepted moves [-]."""
     prior: str
 
-    def interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
-        """Equal-tailed credible interval of a parameter, in its units.
-
-        Raises ValueError if the name is unknown or the probability outside (0, 1).
-        """
-        if name not in self.names or not 0.0 < probability < 1.0:
-            raise ValueError(
-                f"name must be one of {self.names} and probability in (0, 1), got {name!r}, {probability}"
-            )
-        tail = 50.0 * (1.0 - probability)
-        low, high = np.percentile(self.samples[:, self.names.index(name)], [tail, 100.0 - tail])
-        return float(low), float(high)
-
 
 def sample_posterior(
     likelihood: Likelihood,
@@ -77,7 +64,7 @@ def sample_posterior(
     Parameters
     ----------
     likelihood
-        Likelihood of the data. A channel with a "profiled" discrepancy needs a prior.
+        Likelihood of the data.
     start
         Centre of the walkers' starting points, in parameter units, shape [d].
     rng
@@ -94,7 +81,7 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there are
+        If the start is outside the box, a prior is negative, the power is not > 0, or there are
         too many coordinates.
     ImportError
         If emcee is not installed: `pip install 'kolsky[bayes]'`.
@@ -127,7 +114,7 @@ def sample_posterior(
 
     sampler = emcee.EnsembleSampler(WALKERS, n, log_probability, vectorize=True)
     sampler.random_state = np.random.RandomState(rng).get_state()
-    first = _first(likelihood, best.unit_point, best.discrepancies, scales[sampled], sampled, rng)
+    first = _first(likelihood, best.unit_point, scales[sampled], sampled, rng)
     converged, times = _run(sampler, first, max_steps)
     longest = float(np.nanmax(times)) if np.isfinite(times).any() else sampler.iteration / LENGTHS
     burn = min(int(5.0 * longest), sampler.iteration // 2)
@@ -152,40 +139,32 @@ def _scales(likelihood: Likelihood, priors: Sequence[float] | None) -> FloatArra
         raise ValueError(
             f"discrepancy_priors must be {len(channels)} numbers >= 0, one a channel, got {priors}"
         )
-    for channel, scale in zip(channels, scales, strict=True):
-        if channel.discrepancy == "profiled" and scale == 0.0:
-            raise ValueError(
-                f"the discrepancy of channel {channel.name!r} is unknown: give the scale of its prior"
-            )
     return scales
 
 
 def _taus(likelihood: Likelihood, scales: FloatArray, sampled: Indices, ratio: FloatArray) -> FloatArray:
-    tau = np.array([0.0 if c.discrepancy == "profiled" else c.discrepancy for c in likelihood.channels])
+    tau = likelihood.discrepancies
     tau[sampled] = scales[sampled] * ratio
     return tau
 
 
 def _first(
-    likelihood: Likelihood,
-    unit_point: FloatArray,
-    discrepancies: FloatArray,
-    scales: FloatArray,
-    sampled: Indices,
-    rng: int,
+    likelihood: Likelihood, unit_point: FloatArray, scales: FloatArray, sampled: Indices, rng: int
 ) -> FloatArray:
     """Starting points around the optimum. The spread of each coordinate is its conditional standard
     deviation.
     """
     generator = np.random.default_rng(rng)
-    jacobian = likelihood.jacobian(unit_point, discrepancies)
+    jacobian = likelihood.jacobian(unit_point)
     information = (jacobian**2).sum(axis=0)
     width = np.minimum(1.0 / np.sqrt(np.maximum(information, 1.0)), 0.1)
     places = unit_point + width * generator.standard_normal((WALKERS, len(unit_point)))
     # Reflected at the faces: a walker outside would never be accepted.
     places = np.abs(places)
     places = np.where(places > 1.0, 2.0 - places, places)
-    ratio = discrepancies[sampled] / scales + 0.05 * generator.standard_normal((WALKERS, len(scales)))
+    ratio = likelihood.discrepancies[sampled] / scales + 0.05 * generator.standard_normal(
+        (WALKERS, len(scales))
+    )
     return np.concatenate([places, np.abs(ratio)], axis=1)
 
 

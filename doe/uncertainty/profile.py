@@ -47,8 +47,6 @@ class Profile:
     """Deviance minus that of the optimum, shape [n]."""
     points: FloatArray
     """Most likely point at each of these values, in parameter units, shape [n, d]."""
-    discrepancies: FloatArray
-    """Most likely discrepancies at each of these values, shape [n, n_channels]."""
     interval: Interval
     """Interval around the optimum in which the rise stays below the level."""
     conditional: Interval
@@ -151,7 +149,7 @@ class _Walk:
     def __init__(self, likelihood: Likelihood, best: Fit, j: int, free: tuple[int, ...]) -> None:
         self.likelihood, self.best, self.j = likelihood, best, j
         self.held = tuple(i for i in range(likelihood.box.dimension) if i not in free)
-        jacobian = likelihood.jacobian(best.unit_point, best.discrepancies)
+        jacobian = likelihood.jacobian(best.unit_point)
         information = float(jacobian[:, j] @ jacobian[:, j])
         # Half a conditional standard deviation: never wider than the profile's own.
         self.first = min(0.5 / np.sqrt(information), WIDEST_STEP) if information > 0.0 else WIDEST_STEP
@@ -227,7 +225,6 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], fixed: _Walk,
         values=np.array([fit.point[walk.j] for fit in fits]),
         rise=np.array([walk.rise(fit) for fit in fits]),
         points=np.stack([fit.point for fit in fits]),
-        discrepancies=np.stack([fit.discrepancies for fit in fits]),
         interval=interval,
         conditional=single,
         other_optima=outside,
@@ -267,7 +264,7 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
             shifted = best.unit_point.copy()
             shifted[k] = away[k]
             residual = likelihood.residuals(shifted)[0]
-            cost = likelihood.deviance(residual, likelihood.discrepancies(residual)) - best.deviance
+            cost = likelihood.deviance(residual) - best.deviance
             change, per = (float(profile.points[i][m] - best.point[m]) for m in (k, j))
             if cost > profile.level and (name not in by_name or cost > by_name[name].cost):
                 by_name[name] = Partner(name, change, per, cost)

@@ -291,7 +291,7 @@ class SetupView:
             )
 
     def _assign(self, e: FieldEntry, change: events.ValueChangeEventArguments) -> None:
-        """Assign a file to a table, with its detected layout and columns."""
+        """Assign a file to a table, with its columns."""
         name = str(change.value or "")
         if name == e.display:
             return

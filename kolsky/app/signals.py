@@ -145,7 +145,7 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
-    """Values of a table of the shot file, found in the data file: file name, layout and columns."""
+    """Values of a table of the shot file, found in the data file: its name and columns."""
     from kolsky.survey.new_file import table_findings
 
     found = table_findings(Survey({part: table}, {})).values

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -231,6 +232,11 @@ def remove_empty(folders: list[Path]) -> None:
 
 
 @cache
+def template_file(name: str) -> str:
+    """An annotated file with every key: shot.toml, bars.toml, pictures.toml, specimen.toml, virtual.toml."""
+    return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
+
+
 def source_hash() -> str:
     """SHA-256 of the sources of `kolsky` and `explicit`.
 

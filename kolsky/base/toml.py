@@ -7,14 +7,14 @@ Comments and order are kept.
 
 from __future__ import annotations
 
-import copy
 import difflib
 import hashlib
 import re
 import tomllib
 from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -234,6 +234,26 @@ class TomlFile:
             value = value.get(part) if isinstance(value, dict) else None
         return value
 
+    def varied(self, values: Mapping[str, Any]) -> TomlFile:
+        """The file with other values at dotted keys. The keys of a table are set together.
+
+        Raises InputError if a part of a key is not a table.
+        """
+        content = deepcopy(self.content)
+        for key, value in values.items():
+            table = content
+            *path, last = key.split(".")
+            for part in path:
+                table = table.setdefault(part, {})
+                if not isinstance(table, dict):
+                    cure = "write it as a table of the file"
+                    raise InputError(self.path, f"{part} is not a table", key=key, cure=cure)
+            if isinstance(value, dict):
+                table.setdefault(last, {}).update(deepcopy(value))
+            else:
+                table[last] = deepcopy(value)
+        return replace(self, content=content)
+
     def error(
         self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
     ) -> InputError:
@@ -370,7 +390,7 @@ def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
     place.
     """
     newline = "\r\n" if "\r\n" in text else "\n"
-    wanted = copy.deepcopy(tomllib.loads(text))
+    wanted = deepcopy(tomllib.loads(text))
     if not isinstance(wanted.get(table), dict):
         raise CannotEdit(f"there is no table [{table}]")
     for key, value in values.items():

@@ -5,7 +5,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,9 +17,6 @@ from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, ShotPath
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.report.figures_alone import figure_files
-
-if TYPE_CHECKING:
-    pass
 
 
 @infrequent_gc()

@@ -14,7 +14,7 @@ import typer
 from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse, refused
-from kolsky.base.files import usable_folder
+from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import ADVANCED, TOGETHER, Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, changed, load, usable
@@ -217,8 +217,9 @@ def paper_answer(
             )
     except (ValueError, LedgerError, OSError) as error:
         return {}, {paper.STEM: None}, [f"the paper's method has no answer: {error}"]
-    paper.write_paper_method(folder, result)
-    return paper.rows(result), {paper.STEM: paper.to_json(result)}, paper.paper_warnings(result)
+    content = paper.to_json(result)
+    write_folder(folder, {f"{paper.STEM}.json": content})
+    return paper.rows(result), {paper.STEM: content}, paper.paper_warnings(result)
 
 
 _Answer = Printout | InputError

@@ -1,7 +1,6 @@
 """`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot refers to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +13,7 @@ from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
-from kolsky.readers.layout import Layout
+from kolsky.material.fits.columns import Columns
 from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
@@ -26,37 +25,27 @@ if TYPE_CHECKING:
     from kolsky.studies.rate_models import ModelComparison
 
 
-_COLUMN = Option("Column, by name or number.", metavar="COLUMN", show_default="")
+_COLUMNS = (
+    "convention", "strain", "stress", "displacement", "force", "length", "diameter", "layout",
+)  # fmt: skip
+"""Options of a quasi-static test, of those of a homogeneous one."""
 
 
-@dataclass(frozen=True)
-class CurveColumns:
-    """Columns of a quasi-static test, by name or number. An empty text is not declared."""
-
-    strain: Annotated[str, _COLUMN] = ""
-    stress: Annotated[str, _COLUMN] = ""
-    displacement: Annotated[str, _COLUMN] = ""
-    force: Annotated[str, _COLUMN] = ""
-    time: Annotated[str, _COLUMN] = ""
-    bulge: Annotated[
-        str, Option("Radius at mid-height, fitted with the force.", metavar="COLUMN", show_default="")
-    ] = ""
-
-    def given(self, size: "Specimen | None") -> dict[str, str]:
-        """Declared columns by quantity. Raises InputError if they are not a test."""
-        columns = {name: column for name, column in vars(self).items() if column}
-        pair = {"strain", "stress"} if self.stress else {"displacement", "force"}
-        if (set(columns) & {"strain", "stress", "displacement", "force"}) != pair:
-            raise texts.refusal(
-                "a test needs --strain and --stress, or --displacement and --force",
-                cure="name two columns, or give their numbers",
-            )
-        if "force" in pair and size is None:
-            raise texts.refusal(
-                "--displacement and --force need --diameter and --length",
-                cure="give the size of the specimen",
-            )
-        return columns
+def _given(columns: Columns, time: str, bulge: str) -> dict[str, str]:
+    """Declared columns by quantity. Raises InputError if they are not a test."""
+    names = ("strain", "stress", "displacement", "force")
+    given = {name: column for name in names if (column := getattr(columns, name))}
+    pair = {"strain", "stress"} if columns.stress else {"displacement", "force"}
+    if set(given) != pair:
+        raise texts.refusal(
+            "a test needs --strain and --stress, or --displacement and --force",
+            cure="name two columns, or give their numbers",
+        )
+    if "force" in pair and columns.length is None:
+        raise texts.refusal(
+            "--displacement and --force need --diameter and --length", cure="give the size of the specimen"
+        )
+    return given | {name: column for name, column in (("time", time), ("bulge", bulge)) if column}
 
 
 def _specimen_of(diameter: float | None, length: float | None) -> "Specimen | None":
@@ -124,23 +113,15 @@ def _units_of(given: Sequence[str], columns: dict[str, str]) -> dict[str, str]:
 
 def reference_curve(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Repeats of one test.")],
-    convention: Annotated[
-        str, Option("Sign of the files' columns: tension-positive or compression-positive.")
-    ],
     branch: Annotated[str, Option("compression or tension.")],
     *,
-    columns: CurveColumns,
+    columns: Annotated[Columns, _COLUMNS],
+    time: Annotated[str, Option("The time.", metavar="COLUMN")] = "",
+    bulge: Annotated[str, Option("The radius at mid-height, fitted with the force.", metavar="COLUMN")] = "",
     unit: Annotated[
         tuple[str, ...],
         Option("Unit of a column; repeat for more.", metavar="COLUMN=UNIT", show_default="found in the file"),
     ] = (),
-    layout: Annotated[Layout, ("header_line", "sheet")],
-    diameter: Annotated[
-        float | None, Option('Diameter of the specimen, e.g. "9.5 mm".', unit="m", positive=True)
-    ] = None,
-    length: Annotated[
-        float | None, Option('Length of the specimen, e.g. "6.5 mm".', unit="m", positive=True)
-    ] = None,
     compliance: Annotated[
         float | None,
         Option('Compliance of machine and load cell, e.g. "0.2 um/N".', unit="m/N", show_default="none"),
@@ -196,14 +177,14 @@ def reference_curve(
     from kolsky.material.uniaxial import Toe
 
     folder = usable_folder(out.parent)
-    if friction == "free" and not columns.bulge:
+    if friction == "free" and not bulge:
         raise texts.refusal(
             "--friction free needs --bulge: the radius at mid-height finds the friction",
             cure="measure the radius at mid-height and give it with --bulge",
         )
-    if (columns.bulge != "") != (bulge_sigma is not None):
+    if (bulge != "") != (bulge_sigma is not None):
         raise texts.refusal("--bulge and --bulge-sigma belong together", cure="give both")
-    size = _specimen_of(diameter, length)
+    size = _specimen_of(columns.diameter, columns.length)
     cure = "correct the option; `kolsky material reference-curve --help` shows each"
     with texts.refused(cure=cure):
         treatment = curves.Treatment(
@@ -217,14 +198,20 @@ def reference_curve(
             last=last,
             numerics=CorrectionNumerics(poisson=poisson),
         )
-    texts.one_of("--convention", convention, CONVENTIONS)
+    texts.one_of("--convention", columns.convention, CONVENTIONS)
     texts.one_of("--branch", branch, curves.BRANCHES)
-    given = columns.given(size)
+    given = _given(columns, time, bulge)
     units = _units_of(unit, given)
     tests, hashes = [], {}
     for path in files:
         test, digest = curves.read_uniaxial_test(
-            path, given, convention=convention, branch=branch, units=units, layout=layout, specimen=size
+            path,
+            given,
+            convention=columns.convention,
+            branch=branch,
+            units=units,
+            layout=columns.layout,
+            specimen=size,
         )
         if str(path) in hashes:
             raise InputError(path, "is named twice", cure="name every test once")

@@ -5,7 +5,6 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +12,7 @@ import typer
 
 from dic.files import one_line
 from kolsky.base.errors import InputError
-from kolsky.base.files import decode, read_bytes, usable_folder, write_folder
+from kolsky.base.files import decode, read_bytes, template_file, usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
@@ -46,16 +45,11 @@ def beginning(path: Path) -> Iterator[None]:
         ) from None
 
 
-def template(name: str) -> str:
-    """An annotated file with every key at its default: specimen.toml, virtual.toml."""
-    return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
-
-
 def write_template(folder: Path, name: str, then: str) -> None:
     """Write a template as SPEC.toml, unless the folder has one, and print its place and what to do then."""
     path = folder / "SPEC.toml"
     with beginning(path), path.open("x", encoding="utf-8") as file:
-        file.write(template(name))
+        file.write(template_file(name))
     if as_json():
         print_json({"file": str(path)})
     else:

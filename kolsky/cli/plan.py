@@ -31,13 +31,10 @@ def _window(option: str, text: str) -> tuple[float, float]:
     return start, end
 
 
-def _heights(option: str, text: str) -> tuple[int, ...]:
-    """ "1,3,5" as numbers of heights."""
-    expected = "whole numbers from 1 with commas, e.g. 1,3,5"
-    counts = texts.numbers(option, text, expected)
-    if not counts or any(count != round(count) or count < 1.0 for count in counts):
-        raise texts.unreadable(option, text, expected)
-    return tuple(int(count) for count in counts)
+_heights = texts.checked_numbers(
+    "whole numbers from 1 with commas, e.g. 1,3,5",
+    lambda found: all(n >= 1.0 and n % 1.0 == 0.0 for n in found),
+)
 
 
 def _without_bounds(text: str) -> str:
@@ -135,7 +132,7 @@ def plan(
             held=parameter,
             instruments=lambda prepared: replace(instruments_of(prepared), **changes),
             rates=rates or planning.RATES,
-            heights=heights,
+            heights=[int(count) for count in heights],
             reach=reach,
             discrepancy=(0.0, 0.0) if discrepancy == "none" else None,
             numerics=numerics,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -11,9 +11,6 @@ from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, OutFolder, ShotPath, load, usable
 from kolsky.cli.terminal import counted, print_result, progress_bars
-
-if TYPE_CHECKING:
-    pass
 
 
 def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:

@@ -154,9 +154,9 @@ class DesignChoice:
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
         if self.vary or self.points is not None or self.generators or slides:
             return self.vary
-        from doe.designs import design_kind
+        from doe.designs import DESIGNS
 
-        levels = f":{_LEVELS_ALONE}" if "levels" in design_kind(self.kind).needs else ""
+        levels = f":{_LEVELS_ALONE}" if "levels" in DESIGNS[self.kind].needs else ""
         return (f"stiffness_factor=0.75:1.25{levels}",)
 
     def design(self) -> "Design":
@@ -164,11 +164,10 @@ class DesignChoice:
 
         Raises InputError if options do not fit together, or if they do not give a design.
         """
-        from doe.designs import DESIGNS, design_kind
+        from doe.designs import DESIGNS
         from doe.designs.optimal import keep
 
-        texts.one_of("--design", self.kind, tuple(design.option for design in DESIGNS.values()))
-        kind = design_kind(self.kind)
+        kind = DESIGNS[texts.one_of("--design", self.kind, tuple(DESIGNS))]
         if "points" in kind.needs:
             problem = f"excludes --design {self.kind}, whose file names the parameters"
             texts.refuse({"--vary": bool(self.vary)}, problem, cure="leave out --vary")
@@ -177,7 +176,7 @@ class DesignChoice:
             ("--points", self.points is not None, "points"),
         ):
             if given != (need in kind.needs):
-                kinds = [other.option for other in DESIGNS.values() if need in other.needs]
+                kinds = [name for name, other in DESIGNS.items() if need in other.needs]
                 raise texts.refusal(
                     f"{option} and --design {' or '.join(kinds)} need each other",
                     cure="give both, or neither",
@@ -392,13 +391,7 @@ _SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), re
 """Coarser than that of an identification, because a budget consists of many differences."""
 
 
-def _rates(option: str, text: str) -> tuple[float, ...]:
-    """ "200,1000" as the slowest and the fastest rate [1/s]."""
-    expected = "the slowest and the fastest rate, e.g. 100,1000"
-    rates = tuple(texts.numbers(option, text, expected))
-    if len(rates) != 2:
-        raise texts.unreadable(option, text, expected)
-    return rates
+_rates = texts.checked_numbers("the slowest and the fastest rate, e.g. 100,1000", lambda x: len(x) == 2)
 
 
 def budget(
@@ -448,10 +441,11 @@ def budget(
 ) -> None:
     """Budget the errors of a test; writes budget.csv and budget.html, and stores realisations in a ledger."""
     from doe.ledger import LedgerError
+    from kolsky.report.pages.studies import budget_rows, budget_warnings
     from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.realisation import factors_of, usual_sizes
-    from kolsky.studies.budget.records import facts, plan_campaign, printed, shot_sigma
+    from kolsky.studies.budget.records import facts, plan_campaign, shot_sigma
     from kolsky.virtual.specification import read_specification
 
     folder = usable_folder(out or (test if test.is_dir() else test.parent) / "results")
@@ -495,13 +489,14 @@ def budget(
             f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}",
             cure="budget more factors, or leave --rates out",
         )
-    summary = {**printed(budgeted[0], campaign), "page": str(folder / "budget.html")}
+    summary = {**budget_rows(budgeted[0], campaign), "page": str(folder / "budget.html")}
     how = {
         "mesh": numerics.mesh, "refined_mesh": settings.refined_mesh, "truth_mesh": quantities.truth.mesh,
         "draws": draws, "together": together,
     }  # fmt: skip
     entries = [facts(one, campaign) for one in budgeted]
-    print_result(summary, jsonable({"made_with": how, "budgets": entries}, "budget"))
+    content = jsonable({"made_with": how, "budgets": entries}, "budget")
+    print_result(summary, content, warnings=budget_warnings(budgeted[0]))
 
 
 def _specification(test: Path, folder: Path) -> Path:

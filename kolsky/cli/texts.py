@@ -1,6 +1,6 @@
 """Conversion of texts of the command line to typed settings, with errors that state the expected form."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from math import prod
 
@@ -80,13 +80,24 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
     return value
 
 
-def strains(option: str, text: str) -> tuple[float, ...]:
-    """ "0.1,0.3" as nominal compressive strains."""
-    expected = "numbers between 0 and 1, e.g. 0.1,0.3"
-    numbers_read = tuple(numbers(option, text, expected))
-    if not numbers_read or not all(0.0 < strain < 1.0 for strain in numbers_read):
-        raise unreadable(option, text, expected)
-    return numbers_read
+def checked_numbers(
+    expected: str, fit: Callable[[list[float]], bool]
+) -> Callable[[str, str], tuple[float, ...]]:
+    """Function that converts the text of an option to numbers that fit, of at least one."""
+
+    def read(option: str, text: str) -> tuple[float, ...]:
+        found = numbers(option, text, expected)
+        if not found or not fit(found):
+            raise unreadable(option, text, expected)
+        return tuple(found)
+
+    return read
+
+
+strains = checked_numbers(
+    "numbers between 0 and 1, e.g. 0.1,0.3", lambda found: all(0.0 < strain < 1.0 for strain in found)
+)
+"""Function that converts "0.1,0.3" to nominal compressive strains."""
 
 
 def mesh(option: str, text: str) -> tuple[int, int]:

@@ -379,22 +379,14 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
         return fields, ()
     import numpy as np
 
-    from explicit.relaxation import BergstromBoyce, PronySeries
+    from explicit.relaxation import relaxation_of
 
-    prony = relaxation.kind == "prony"
-    names = prony_names(relaxation.branches) if prony else NETWORK_CONSTANTS
+    names = prony_names(relaxation.branches) if relaxation.kind == "prony" else NETWORK_CONSTANTS
     columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(fields[name], dtype=float)) for name in names))
     rows, index = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    n = relaxation.branches
-    made: list[RateDependence] = [
-        PronySeries(tuple(row[:n].tolist()), tuple(row[n:].tolist()))
-        if prony
-        else BergstromBoyce(*row.tolist())
-        for row in rows
-    ]
     rest = {name: value for name, value in fields.items() if name not in names}
     choice = index.ravel() if len(index) > 1 else int(index.ravel()[0])
-    return {**rest, "relaxation": choice}, tuple(made)
+    return {**rest, "relaxation": choice}, tuple(relaxation_of(relaxation.kind, row.tolist()) for row in rows)
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:

@@ -7,7 +7,6 @@ written as tables.
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
@@ -18,13 +17,11 @@ import numpy as np
 from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
 from kolsky.base.files import jsonable, write_table
-from kolsky.base.toml import TomlFile
 from kolsky.prediction.predict import Numbers, PlannedTest, Prediction, doubts, predict
 from kolsky.prediction.schema import TestFile
 from kolsky.virtual.motion import MOVES
-from kolsky.virtual.shot_file import KNOT, MOTION, STEEL, si_texts, toml_text
+from kolsky.virtual.shot_file import KNOT, MOTION, STEEL, relaxation_table, si_texts, toml_text
 
 NAMES = tuple(field.name for field in fields(Numbers))
 """Results that can be prescribed."""
@@ -123,19 +120,7 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
 
     Raises InputError if a key does not exist, or if a value is not allowed.
     """
-    content = deepcopy(test.file.content)
-    for key, value in values.items():
-        table = content
-        *path, last = key.split(".")
-        for part in path:
-            inner = table.setdefault(part, {})
-            if not isinstance(inner, dict):
-                raise InputError(
-                    test.file.path, "is not a table", key=key, cure="write it as a table of the test file"
-                )
-            table = inner
-        table[last] = value
-    file = TomlFile(test.file.path, test.file.sha256, content, test.file.lines)
+    file = test.file.varied(values)
     return PlannedTest(file, file.validated(TestFile))
 
 
@@ -354,12 +339,10 @@ def write_specification(folder: Path, found: Prediction) -> Path:
     material = si_texts(
         m, "law", "parameters", "shear_modulus", "stiffness_factor", "poisson", "damping", "mass_damping"
     )
-    if m.prony_strengths:
-        material["prony_strengths"] = list(m.prony_strengths)
-        material["prony_times"] = [f"{time:.9g} s" for time in m.prony_times]
     tables: dict[str, dict[str, Any]] = {
         "specimen": si_texts(test.specimen, "diameter", "length", "density"),
         "material": material,
+        **({} if test.relaxation is None else {"relaxation": relaxation_table(test.relaxation)}),
         "interface": si_texts(test.interface, "faces", "side", "friction"),
         "transmission": {"support": "bar"},
         "transmission.bar": {

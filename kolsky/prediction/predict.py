@@ -31,7 +31,7 @@ from kolsky.base.errors import refused
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.prediction.schema import PartTable, ShaperTable, TestFile
 from kolsky.readers.table import Column, read_table
-from kolsky.virtual.material import law_of, relaxation_of
+from kolsky.virtual.material import law_of, relaxing
 
 LEAST_POINTS = 8
 """Smallest number of points of a law's loading."""
@@ -229,7 +229,7 @@ class PlannedTest:
             motions=(rest,),
             faces=test.interface.faces,
             side=test.interface.side,
-            relaxation=relaxation_of(m.prony_strengths, m.prony_times),
+            relaxation=relaxing(test.relaxation),
         )
         samples = explicit.Samples.of(
             stiffness_factor=m.stiffness_factor,

@@ -8,6 +8,7 @@ from kolsky.base.apparatus import LIFTING_LAW
 from kolsky.schema import fields as f
 from kolsky.schema.apparatus import BarSection
 from kolsky.schema.fields import Section
+from kolsky.schema.material import RelaxationSection
 from kolsky.virtual import schema as v
 from kolsky.virtual.schema import MaterialTable, SpecimenTable
 
@@ -132,6 +133,7 @@ class TestFile(Section):
     """The part of [transmission] with the force transducer at its middle. Default: the first face."""
     specimen: SpecimenTable
     material: MaterialTable
+    relaxation: RelaxationSection | None = None
     interface: HoldTable = HoldTable()
     run: RunTable = RunTable()
 

@@ -241,15 +241,11 @@ class RelaxationSection(Section):
 
     def _possible(self) -> None:
         """Check the constants by the laws of the solver, and check the uncertainties."""
-        from explicit.relaxation import BergstromBoyce, PronySeries
+        from explicit.relaxation import relaxation_of
 
         record = self.declared()
-        values = list(record.values.values())
         try:
-            if record.kind == "prony":
-                PronySeries(tuple(values[: record.branches]), tuple(values[record.branches :]))
-            else:
-                BergstromBoyce(*values)
+            relaxation_of(record.kind, list(record.values.values()))
         except ValueError as error:
             key = "strengths" if "strength" in str(error) else "times"
             if record.kind != "prony":

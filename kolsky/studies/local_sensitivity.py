@@ -99,7 +99,7 @@ def local_sensitivity(
         levels = _levels(name, point[i], reach * scale[i])
         columns[name][1 + i * LEVELS : 1 + (i + 1) * LEVELS] = levels
         changes.append(levels - point[i])
-    force, radius = _seen(forward, grid, columns, numerics or Numerics())
+    force, radius = observed(forward, grid, columns, numerics or Numerics())
     slopes = []
     for i, change in enumerate(changes):
         rows = [0, *range(1 + i * LEVELS, 1 + (i + 1) * LEVELS)]
@@ -110,27 +110,6 @@ def local_sensitivity(
         names=tuple(names), point=point, scale=scale, reach=reach, grid=grid, force=force[0],
         radius=radius[0], force_slope=force_slope, radius_slope=radius_slope, force_left=force_left,
     )  # fmt: skip
-
-
-def mesh_change(
-    forward: Forward,
-    grid: ObservationGrid,
-    values: Mapping[str, float],
-    numerics: Numerics,
-    finer: tuple[int, int],
-) -> tuple[float, float]:
-    """Change of force and outline from one mesh to a finer one, root mean squares [N] and [m].
-
-    Raises ValueError if a run does not complete.
-    """
-    columns = {name: np.array([value]) for name, value in values.items()}
-    here, there = (_seen(forward, grid, columns, n) for n in (numerics, numerics.with_mesh(finer)))
-    force, radius = (a[0] - b[0] for a, b in zip(here, there, strict=True))
-    both = np.isfinite(radius)
-    return (
-        float(np.sqrt((force**2).mean())),
-        float(np.sqrt((radius[both] ** 2).mean())) if both.any() else 0.0,
-    )
 
 
 def _point(forward: Forward, names: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
@@ -168,10 +147,14 @@ def _levels(name: str, value: float, reach: float) -> FloatArray:
     return np.asarray(levels - max(0.0, levels[-1] - high))
 
 
-def _seen(
+def observed(
     forward: Forward, grid: ObservationGrid, columns: Mapping[str, FloatArray], numerics: Numerics
 ) -> tuple[FloatArray, FloatArray]:
-    """Force of every bin [n, n_bins], and radius at every frame and height [n, n_frames, n_y]."""
+    """Force of every bin, and radius at every frame and height, of runs that must all complete.
+
+    ``columns``: values of each parameter, shape [n]. Returns: force [N], shape [n, n_bins]; radius [m], shape
+    [n, n_frames, n_heights]. Raises ValueError if a run does not complete.
+    """
     sampling = explicit.Sampling(force_times=grid.edges, surface_times=grid.frames)
     response = completed_runs(replace(forward, sampling=sampling), columns, numerics)
     force = np.diff(response.impulse_transmission, axis=1) / np.diff(grid.edges)
@@ -183,12 +166,12 @@ def _seen(
 
 
 def completed_runs(
-    forward: Forward, columns: Mapping[str, FloatArray | float], numerics: Numerics, *, cure: str = ""
+    forward: Forward, columns: Mapping[str, FloatArray | float], numerics: Numerics
 ) -> explicit.Response:
     """Runs that must all complete.
 
     ``columns``: values of each parameter, or one value for all runs. Raises ValueError with the place and the
-    ending of the first failed run, and the remedy.
+    ending of the first failed run.
     """
     response = forward.run(columns, numerics)
     lost = np.flatnonzero(~response.completed)
@@ -198,7 +181,7 @@ def completed_runs(
         at = ", ".join(f"{name} = {value:.6g}" for name, value in place.items())
         raise ValueError(
             f"{lost.size} of {response.n_samples} runs did not complete; the one at {at} ended "
-            f"{response.describe(first)}{cure}"
+            f"{response.describe(first)}"
         )
     return response
 

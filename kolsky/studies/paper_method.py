@@ -2,8 +2,8 @@
 
 Factorial design over friction and stiffness, surface through Phi, simplex.
 
-Its cost and the surface through it, the interval, and the answer as text, JSON and a table of runs. In the
-interval, the cost cannot be distinguished from its minimum, Eqs. (M.6)-(M.8).
+Its cost and the surface through it, the interval, and the answer as text and JSON. In the interval, the cost
+cannot be distinguished from its minimum, Eqs. (M.6)-(M.8).
 """
 
 from collections.abc import Callable, Mapping
@@ -16,15 +16,13 @@ import numpy as np
 from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import filling, jsonable, write_json, write_table
+from kolsky.base.files import jsonable
 from kolsky.inverse import simulate as single
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.run_table import SCALE_FORCE, Terms
 from kolsky.inverse.settings import Numerics
-from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 from kolsky.studies import sweep as sweeping
-from kolsky.studies.sweep import costs
 
 FRICTION = "friction"
 GRID = 101
@@ -40,8 +38,6 @@ class Surface:
     """Surface through the cost of the completed runs."""
     optimum: FloatArray
     """Minimum found by the simplex, in parameter units, shape [d]."""
-    least: float
-    """Cost of the surface at the minimum [-]."""
 
 
 def cost_of(found: Terms) -> float:
@@ -63,8 +59,7 @@ def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArr
     cost = fit.predict(points)[:, 0].reshape(grid.shape[:-1])
     own = box.names.index(name)
     others = tuple(axis for axis in range(box.dimension) if axis != own)
-    low, high = box.lower[own], box.upper[own]
-    return np.linspace(low, high, GRID), cost.min(axis=others)
+    return np.linspace(box.lower[own], box.upper[own], GRID), cost.min(axis=others)
 
 
 def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
@@ -89,7 +84,7 @@ def surface_of(runs: sweeping.Sweep) -> Surface:
         raise ValueError(f"{len(done)} of {len(cost)} runs of the design completed, 4 are needed{first}")
     fit = CostSurrogate.fit(box, table.points[done], cost[done])
     found = nelder_mead(fit.cost, box, start=table.points[done[np.argmin(cost[done])]])
-    return Surface(runs, fit, found.x, found.value)
+    return Surface(runs, fit, found.x)
 
 
 def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
@@ -245,7 +240,7 @@ def paper_method(
         del given[FRICTION]
     search = _Search(shot, held, ledger, progress or (lambda stage, done, total: None))
     whole = design_box(given)
-    surface = search.factorial(whole, [LEVELS if whole.dimension > 1 else LEVELS_ALONE], numerics, "design")
+    surface = search.factorial(whole, LEVELS if whole.dimension > 1 else LEVELS_ALONE, numerics, "design")
     surfaces, told = [surface], FRICTION in whole.names
     if FRICTION in whole.names:
         delta = delta_of(search.run(surface.fit.box, surface.optimum, numerics)[1])  # Eq. (M.8)
@@ -254,7 +249,7 @@ def paper_method(
             if contact_law(shot.interface.faces).needs_friction:
                 search.held[FRICTION] = whole.upper[whole.names.index(FRICTION)]
             whole = design_box({MOVED: given[MOVED]})
-            surface = search.factorial(whole, [LEVELS_ALONE], numerics, "design")
+            surface = search.factorial(whole, LEVELS_ALONE, numerics, "design")
             surfaces.append(surface)
     fine = numerics.with_mesh(refined_mesh)
     refined, checks, (parameters, terms), predicted, moved = search.refine(whole, surface, fine)
@@ -281,9 +276,9 @@ class _Search:
     def __init__(self, shot: Shot, held: dict[str, float], ledger: Path | None, progress: Progress) -> None:
         self.shot, self.held, self.ledger, self.progress = shot, held, ledger, progress
 
-    def factorial(self, box: Box, levels: list[int], numerics: Numerics, stage: str) -> Surface:
+    def factorial(self, box: Box, levels: int | list[int], numerics: Numerics, stage: str) -> Surface:
         """Run a full factorial and find the minimum of the surface through its costs."""
-        design = full_factorial(box, levels * box.dimension if len(levels) == 1 else levels)
+        design = full_factorial(box, levels)
         self.progress(stage, 0, len(design))
         runs = sweeping.sweep(
             self.shot,
@@ -339,7 +334,7 @@ class _Search:
 
 
 STEM = "paper_method"
-"""Name of the files, without their endings."""
+"""Name of JSON file and ledger, without their endings."""
 
 
 def rows(answer: PaperAnswer) -> dict[str, str]:
@@ -407,29 +402,4 @@ def to_json(answer: PaperAnswer) -> dict[str, Any]:
         "checks": [{**at, "phi": cost} for at, cost in answer.checks],
         "warnings": paper_warnings(answer),
     }
-    found: dict[str, Any] = jsonable(said, STEM)
-    return found
-
-
-def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
-    """Write paper_method.json and paper_method.csv, one row per run of the designs."""
-    tables = [surface.runs.table for surface in answer.surfaces]
-    meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]
-    columns: dict[str, Any] = {
-        "mesh": [f"{n}x{k}" for (n, k), t in zip(meshes, tables, strict=True) for _ in t.outcomes]
-    }
-    for name in (FRICTION, MOVED):
-        values = [
-            t.points[:, t.names.index(name)] if name in t.names else np.full(len(t.points), np.nan)
-            for t in tables
-        ]
-        columns[f"{name} (1)"] = np.concatenate(values)
-    columns["outcome"] = [outcome for t in tables for outcome in t.outcomes]
-    columns["Phi_F (N)"] = np.concatenate([t.phi_force for t in tables])
-    columns["Phi_S (1)"] = np.concatenate([t.phi_shape for t in tables])
-    columns["Phi (1)"] = np.concatenate([costs(t) for t in tables])
-    ended = [end_columns(t) for t in tables]
-    columns |= {key: [value for one in ended for value in one[key]] for key in ended[0]}
-    with filling(folder) as partial:
-        write_table(partial / f"{STEM}.csv", columns)
-        write_json(partial / f"{STEM}.json", to_json(answer))
+    return dict(jsonable(said, STEM))

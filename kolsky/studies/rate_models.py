@@ -15,7 +15,7 @@ the stretch alone. If the curve is the best model, no rate dependence is chosen.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -182,11 +182,8 @@ def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> Model
         found += [fit_curve(slow), fit_network(law, slow)]
     n = fits[0].n_data
     scatter = max(1.0, min(one.deviance / max(n - one.parameters, 1) for one in found))
-    found = [
-        Candidate(one.name, one.parameters, one.deviance / scatter, one.values, one.doubt) for one in found
-    ]
-    found.sort(key=lambda one: one.parameters)
-    return ModelComparison(tuple(found), n, scatter, left_out)
+    scaled = (replace(one, deviance=one.deviance / scatter) for one in found)
+    return ModelComparison(tuple(sorted(scaled, key=lambda one: one.parameters)), n, scatter, left_out)
 
 
 def series_name(branches: int) -> str:

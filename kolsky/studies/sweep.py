@@ -9,7 +9,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -154,21 +154,15 @@ def sweep(
     runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)
     chunk = CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
 
-    def all_runs(book: Ledger | None) -> list[Run]:
-        return run_chunks(
+    if merge and ledger is None:
+        raise ValueError("ledgers are merged into a ledger; name one")
+    with nullcontext() if ledger is None else _merged(ledger, runs.model_hash(), merge) as book:
+        done = run_chunks(
             runs, design.points, chunk=chunk, ledger=book, executor=executor, retry=retry, progress=progress
         )
-
-    damaged: tuple[str, ...] = ()
-    if ledger is None:
-        if merge:
-            raise ValueError("ledgers are merged into a ledger; name one")
-        done = all_runs(None)
-    else:
-        with _merged(ledger, runs.model_hash(), merge) as book:
-            done = all_runs(book)
+        if ledger is not None:
             _refuse_strangers(ledger, done)
-            damaged = tuple(book.damaged)
+    damaged = () if book is None else tuple(book.damaged)
     return Sweep(shot=shot.name, table=_table(design, done), held=dict(held or {}), damaged=damaged)
 
 

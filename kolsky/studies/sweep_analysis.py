@@ -1,4 +1,4 @@
-"""The analysis of a sweep: maps of the misfits, main effects, shares of their variance."""
+"""The analysis of a sweep: maps of the misfits, main effects, shares of their variance; screening."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.views import ResultViews
-from doe import Box, CostSurrogate, nelder_mead
-from doe.sensitivity import SobolIndices, sobol_indices
+from doe import Box, CostSurrogate, SearchResult, morris, nelder_mead
+from doe.sensitivity import ElementaryEffects, SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import predict
@@ -16,7 +16,7 @@ from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
-from kolsky.studies.sweep import Sweep, least_run, misfit_sum
+from kolsky.studies.sweep import Sweep, least_run, misfit_sum, sweep
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits in the analysis, Eqs. (M.3) to (M.5), and their units."""
@@ -68,21 +68,6 @@ class Output:
 
 
 @dataclass(frozen=True)
-class SurfaceOptimum:
-    """The minimum of an interpolant."""
-
-    output: str
-    """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
-    at: dict[str, float]
-    value: float
-    """The interpolant at the minimum, in the output's unit."""
-    at_bound: dict[str, str]
-    """"lower" or "upper" for each parameter at a bound of the box. Its optimum may lie outside."""
-    converged: bool
-    """True if the search met its convergence criterion."""
-
-
-@dataclass(frozen=True)
 class ForcesAlong:
     """Forces of the completed runs along one parameter."""
 
@@ -112,8 +97,8 @@ class SweepAnalysis(ResultViews):
     parameter."""
     best: int | None
     """Run with the smallest Phi (Phi_F without an outline). None if no run completed."""
-    optimum: SurfaceOptimum | None = None
-    """Minimum of the interpolant of Phi (Phi_F without an outline). None without an accurate interpolant."""
+    optimum: SearchResult | None = None
+    """Minimum of the interpolant of `judged`, in its unit. None without an accurate interpolant."""
     forces: ForcesAlong | None = None
     """Forces of a sweep over one parameter, if requested; see `forces_along`."""
 
@@ -153,13 +138,7 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
     table
         Every run.
     """
-    phi = misfit_sum(table)
-    columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
-    outputs = {
-        name: _output(name, box, table.points, values)
-        for name, values in columns.items()
-        if np.isfinite(values).any()
-    }
+    outputs = {name: _output(name, box, table.points, values) for name, values in _misfits(table).items()}
     best = least_run(table)
     judged = outputs.get("Phi", outputs.get("Phi_F"))
     return SweepAnalysis(
@@ -168,21 +147,20 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
     )  # fmt: skip
 
 
-def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:
+def _misfits(table: DesignTable) -> dict[str, FloatArray]:
+    """Misfits of `OUTPUTS` that a run has, shape [n_runs]. Without an outline, only those of the force."""
+    found = dict(zip(OUTPUTS, (table.phi_force, table.phi_shape, misfit_sum(table)), strict=True))
+    return {name: values for name, values in found.items() if np.isfinite(values).any()}
+
+
+def _optimum(output: Output, box: Box, start: FloatArray) -> SearchResult | None:
     """Minimum of an interpolant by downhill simplex, from the best run and the best point of a scan."""
     surrogate = output.surrogate
     if surrogate is None:
         return None
     scan = box.scale(np.random.default_rng(SEED).random((SAMPLE, box.dimension)))
     starts = (start, scan[int(np.argmin(surrogate.predict(scan)[:, 0]))])
-    found = min((nelder_mead(surrogate.cost, box, start=x) for x in starts), key=lambda end: end.value)
-    return SurfaceOptimum(
-        output=output.name,
-        at=box.as_dict(found.x),
-        value=found.value,
-        at_bound=found.at_bound,
-        converged=found.outcome.ok,
-    )
+    return min((nelder_mead(surrogate.cost, box, start=x) for x in starts), key=lambda end: end.value)
 
 
 def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
@@ -191,11 +169,10 @@ def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
     found = analysis.optimum
     if found is None:
         output = analysis.outputs.get(analysis.judged)
-        why = "no run completed" if output is None else output.refused
-        return {"surface_optimum": None, "no_surface": why}
+        return {"surface_optimum": None, "no_surface": output.refused if output else "no run completed"}
     at_bound = {"surface_at_bound": found.at_bound} if found.at_bound else {}
-    force_alone = "" if found.output == "Phi" else "_force"
-    return {"surface_optimum": found.at, f"surface_phi{force_alone}": found.value, **at_bound}
+    key = "surface_phi" if analysis.judged == "Phi" else "surface_phi_force"
+    return {"surface_optimum": analysis.box.as_dict(found.x), key: found.value, **at_bound}
 
 
 def _output(name: str, box: Box, points: FloatArray, values: FloatArray) -> Output:
@@ -257,6 +234,37 @@ def _indices(box: Box, outputs: dict[str, Output]) -> SobolIndices | None:
         n=SAMPLE,
         rng=SEED,
     )
+
+
+def screening(
+    shot: Shot, box: Box, *, trajectories: int = 10, numerics: Numerics | None = None
+) -> tuple[tuple[str, ...], ElementaryEffects]:
+    """Morris' elementary effects on the misfits.
+
+    Parameters
+    ----------
+    shot, numerics
+        As in `kolsky.studies.sweep.sweep`.
+    box
+        A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
+    trajectories
+        Number of trajectories. Each needs one more run than there are parameters.
+
+    Returns
+    -------
+    outputs
+        Names of the misfits, length s.
+    effects
+        Effects of each parameter on each misfit.
+
+    Raises
+    ------
+    ValueError
+        If a run does not complete, or if a parameter is unknown or outside its range.
+    """
+    walks = morris(box, trajectories, rng=SEED)
+    found = _misfits(sweep(shot, walks.design, numerics=numerics).table)
+    return tuple(found), walks.effects(np.column_stack(list(found.values())))
 
 
 def forces_along(shot: Shot, swept: Sweep, numerics: Numerics) -> ForcesAlong | None:

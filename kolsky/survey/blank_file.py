@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.base.files import template_file
 from kolsky.base.units import unit_factor
 from kolsky.readers.recordings import read_contents
 from kolsky.survey.new_file import fill_in, next_of_series, table_findings, with_notes, with_recordings
@@ -249,12 +249,8 @@ def with_surface(text: str, found: SurfaceSurvey) -> str:
 
 def template(*, bars: bool = False, pictures: bool = False) -> str:
     """The blank shot.toml for a new shot: with exports, with pictures, or between bars."""
-    text = _resource("bars.toml" if bars else "shot.toml")
+    text = template_file("bars.toml" if bars else "shot.toml")
     if not pictures:
         return text
     before, after = text.index("[flyer]"), text.index("# [reporting]")
-    return text[:before] + _resource("pictures.toml") + text[after:]
-
-
-def _resource(name: str) -> str:
-    return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
+    return text[:before] + template_file("pictures.toml") + text[after:]

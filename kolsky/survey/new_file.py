@@ -88,8 +88,8 @@ def table_findings(survey: Survey) -> Findings:
         if table is None or f"{name}.file" in values:
             continue
         values[f"{name}.file"] = quoted(table.path.name)
-        if table.layout:
-            values[f"{name}.layout"] = table.toml_layout()
+        if table.form:
+            values[f"{name}.layout"] = f"{{ format = {quoted(table.form)} }}"
         if table.frame is not None and name in ("frames", "flyer", "centre_line"):
             values[f"{name}.frame"] = quoted(table.frame.name)
         if name == "force" and table.clock is not None:
@@ -136,7 +136,8 @@ def next_of_series(text: str, folder: Path, survey: Survey) -> str:
     for key, value in declared.items():
         part, _, name = key.partition(".")
         if name == "file" and not (folder / value.strip('"')).is_file():
-            changed |= {k: v for k, v in new.items() if k.startswith(f"{part}.") and (k in declared)}
+            found = {f"{part}.layout": None, **new}
+            changed |= {k: v for k, v in found.items() if k.startswith(f"{part}.") and k in declared}
             changed.setdefault(key, BLANK)
     return fill_in(text, changed)
 

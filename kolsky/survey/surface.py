@@ -234,24 +234,10 @@ def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
     return sigma if np.isfinite(sigma) and sigma > 0.0 else None
 
 
-def spacing(series: SeriesOfExports) -> float:
-    """Median distance from a point to its nearest neighbour at rest [m]."""
-    from scipy.spatial import cKDTree
-
-    distance, _ = cKDTree(series.export.X).query(series.export.X, k=2)
-    return float(np.median(distance[:, 1]))
-
-
-def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
-    """True if the points at rest show the curvature of a cylinder. A cylinder can then be fitted."""
-    extent = np.ptp(series.export.X, axis=0)
-    width = extent[next(k for k in range(3) if _AXES[k] not in (y[1], Z[1]))]
-    depth = extent[_AXES.index(Z[1])]
-    return bool(len(series.export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0)
-
-
 def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
     """Add the values of [surface] with the evidence from the exports."""
+    from scipy.spatial import cKDTree
+
     series = survey.specimen
     if series is None:
         return
@@ -277,7 +263,10 @@ def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
     if y and Z:
         along = _AXES.index(y[0][1])
         end = (low if y[0][0] == "+" else high)[along]
-        if shows_cylinder(series, y[0], Z[0]):
+        extent = np.ptp(export.X, axis=0)
+        facing = _AXES.index(Z[0][1])
+        depth, width = extent[facing], extent[3 - along - facing]  # the third axis: 0 + 1 + 2 = 3
+        if len(export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0:
             shown.add(
                 "surface.frame", '"cylinder"', "the points show the curve of the side: the axis by best fit"
             )
@@ -288,7 +277,8 @@ def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
             shown.add("surface.frame", '"declared"', why)
             origin += f"; the end at the platen is near {y[0][1]} = {end:.3g} mm"
     shown.add("surface.origin", '["", "", ""]', origin)
-    wide = two_figures(1.5 * spacing(series))
+    neighbour, _ = cKDTree(export.X).query(export.X, k=2)
+    wide = two_figures(1.5 * float(np.median(neighbour[:, 1])))
     shown.add(
         "surface.half_width",
         f'"{1e3 * wide:.4g} mm"',

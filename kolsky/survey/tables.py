@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +17,6 @@ from kolsky.readers.contents import Channel
 from kolsky.readers.header import likely_unit
 from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
-from kolsky.readers.text import ENCODINGS, declared_delimiter
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
@@ -57,8 +56,8 @@ class TableEntry:
     path: Path
     columns: tuple[ColumnEntry, ...]
     """Its numeric columns. For a recorder's file, its channels."""
-    layout: Mapping[str, str | int] = field(default_factory=dict)
-    """Keys of `layout` that it needs. Empty for UTF-8 with commas, decimal points and one header line."""
+    form: str = ""
+    """Format that `layout` must name, because the file itself gives the times. Empty for other files."""
     clock: tuple[float, float, int] | None = None
     """First and last time [s] and number of samples, for a recorder's file that is not a plain table."""
 
@@ -110,11 +109,6 @@ class TableEntry:
     def displacement(self) -> ColumnEntry | None:
         """The flyer's displacement: the only column of lengths that is not a standard deviation."""
         return self.only("", "m", unlike=SIGMA)
-
-    def toml_layout(self) -> str:
-        """Its layout in the syntax of a shot file. Empty if it needs none."""
-        said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
-        return f"{{ {', '.join(said)} }}" if self.layout else ""
 
     @property
     def times(self) -> FloatArray | None:
@@ -244,7 +238,7 @@ def read_entry(path: Path) -> TableEntry:
             ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0))
             for c in contents.channels
         ]
-        return TableEntry(path, tuple(columns), {"format": facts["format"]}, _clock(contents.channels[0]))
+        return TableEntry(path, tuple(columns), facts["format"], _clock(contents.channels[0]))
     columns = []
     for channel in sorted((*contents.channels, *contents.times), key=lambda channel: channel.number):
         try:
@@ -254,11 +248,10 @@ def read_entry(path: Path) -> TableEntry:
         below = channel.unit if "units" in facts or facts["format"] in WORKBOOKS else None
         unit = likely_unit(channel.name) or below or ""
         columns.append(ColumnEntry(channel.name, unit, dimension_of(unit), values))
-    layout = {} if facts["format"] in WORKBOOKS else dict(_layout(facts))
-    entry = TableEntry(path, tuple(columns), layout)
+    entry = TableEntry(path, tuple(columns))
     if entry.time is None:
         with suppress(InputError, IndexError):  # a rate or an interval in the header may give the clock
-            return replace(entry, clock=_clock(contents.channels[0]))
+            return replace(entry, form=facts["format"], clock=_clock(contents.channels[0]))
     return entry
 
 
@@ -266,23 +259,3 @@ def _clock(channel: Channel) -> tuple[float, float, int]:
     """First and last time [s] and number of samples of a channel."""
     clock = channel.clock()
     return clock.start, clock.start + clock.interval * (channel.samples - 1), channel.samples
-
-
-def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
-    """Keys of a layout that differ from those of a plain table."""
-    encoding = next((name for name in ENCODINGS if facts["encoding"].startswith(name)), "utf-8")
-    if encoding != "utf-8":
-        yield "encoding", encoding
-    if facts["delimiter"] != "comma":
-        character = declared_delimiter(Path(), facts["delimiter"])
-        yield "delimiter", character if character.strip() else facts["delimiter"]
-    if facts["decimal"] != ".":
-        yield "decimal", facts["decimal"]
-    header = int(facts["header"]) if facts["header"].isdecimal() else 0
-    if header != 1:
-        yield "header_line", header
-    if "units" in facts:
-        yield "units_line", int(facts["units"])
-    above = max(header, int(facts.get("units", 0)))
-    if int(facts["first samples"]) != above + 1:
-        yield "first_line", int(facts["first samples"])

@@ -10,13 +10,14 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, wait
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from explicit.device import gpus
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import filling, read_bytes, write_table
 from kolsky.virtual.instruments import FORMATS, measure_curve, measure_flyer, measure_outline, record_forces
 from kolsky.virtual.shot_file import shot_tables, toml_text
@@ -64,9 +65,10 @@ def write_shot(
         if q.cameras.write:
             from kolsky.virtual.pictures import write_pictures
 
-            made = write_pictures(q, truth.surface, partial, shot=number, device=device, threads=threads)
-            tables |= made.tables
-            answer["cameras"] = made.answer
+            of_pictures, answer["cameras"] = write_pictures(
+                q, truth.surface, partial, shot=number, device=device, threads=threads
+            )
+            tables |= of_pictures
         (partial / "shot.toml").write_text(toml_text(tables, name=shot.name), encoding="utf-8")
         surface = truth.surface
         np.savez_compressed(
@@ -132,14 +134,6 @@ class Made:
     """False if the folder already contained it."""
 
 
-@dataclass(frozen=True)
-class NotMade:
-    """One shot that could not be made."""
-
-    shot: ShotSpecification
-    reason: str
-
-
 Place = tuple[ShotSpecification, Path]
 """A shot and its folder."""
 
@@ -185,31 +179,24 @@ def make_places(
     ``device``, ``threads``, ``workers``, ``progress``: as in `make`. Raises InputError for the reasons of
     `make`.
     """
-    done, todo, refused = [], [], []
-    for shot, folder in places:
-        if _holds_shot(shot, folder):
-            done.append(Made(shot.name, folder, fresh=False))
-            if progress is not None:
-                progress(done[-1])
-        else:
-            todo.append((shot, folder))
-    for made in _all_made(todo, device, threads, workers):
-        if isinstance(made, NotMade):
-            refused.append(made)
+    done, problems = [], []
+    held = [Made(shot.name, folder, fresh=False) for shot, folder in places if _holds_shot(shot, folder)]
+    there = {made.folder for made in held}
+    todo = [place for place in places if place[1] not in there]
+    for made in chain(held, _all_made(todo, device, threads, workers)):
+        if isinstance(made, InputError):
+            problems.append(made)
             continue
         done.append(made)
         if progress is not None:
             progress(made)
-    if refused:
-        first = min(refused, key=lambda one: one.shot.name)
-        more = f"; {len(refused) - 1} more cannot be made" if len(refused) > 1 else ""
-        raise _shot_error(first.shot, f"{first.reason}{more}")
+    refuse(sorted(problems, key=str))
     return sorted(done, key=lambda made: made.name)
 
 
 def _all_made(
     todo: Sequence[Place], device: str, threads: int | None, workers: int
-) -> Iterator[Made | NotMade]:
+) -> Iterator[Made | InputError]:
     """Make shots in successive batches, or in several processes."""
     jobs = [_job(shot) for shot, _ in todo]
     shared = gpus(device) if workers > 1 else gpus(device)[:1]
@@ -257,7 +244,7 @@ def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[
 
 def _over_gpus(
     pool: Executor, batches: Sequence[Sequence[Place]], shared: Sequence[str], device: str, threads: int
-) -> Iterator[Made | NotMade]:
+) -> Iterator[Made | InputError]:
     """Simulate one batch per GPU at a time. The folders of a batch are written as soon as it is finished."""
     waiting, idle = list(batches), list(shared)
     running: dict[Future[Any], tuple[str, Sequence[Place]]] = {}
@@ -277,7 +264,7 @@ def _over_gpus(
                 writing.add(pool.submit(_written, place, truth, device, threads))
 
 
-def _made(batch: Sequence[Place], device: str, threads: int | None) -> list[Made | NotMade]:
+def _made(batch: Sequence[Place], device: str, threads: int | None) -> list[Made | InputError]:
     """Simulate a batch and write its folders."""
     truths = _truths(batch, device, threads)
     return [_written(place, truth, device, threads) for place, truth in zip(batch, truths, strict=True)]
@@ -292,19 +279,19 @@ def _truths(batch: Sequence[Place], device: str, threads: int | None) -> list[Tr
         raise _shot_error(batch[0][0], error) from None
 
 
-def _written(place: Place, truth: Truth | TruthError, device: str, threads: int | None) -> Made | NotMade:
+def _written(place: Place, truth: Truth | TruthError, device: str, threads: int | None) -> Made | InputError:
     """Write one folder, or return the reason why it cannot be made."""
     shot, folder = place
     if isinstance(truth, TruthError):
-        return NotMade(shot, str(truth))
+        return _shot_error(shot, truth)
     try:
         write_shot(shot, truth, folder, device=device, threads=threads)
     except ValueError as error:
-        return NotMade(shot, str(error))
+        return _shot_error(shot, error)
     return Made(shot.name, folder, fresh=True)
 
 
-def _shot_error(shot: ShotSpecification, error: Exception | str) -> InputError:
+def _shot_error(shot: ShotSpecification, error: Exception) -> InputError:
     return InputError(
         shot.folder,
         f"{shot.name} cannot be made: {error}",

@@ -1,12 +1,11 @@
 """The specification's material: its law, the relaxation, its quasi-static curve."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from explicit.materials.laws import AnyLaw, law_class
+from explicit.relaxation import relaxation_of
 from explicit.relaxation.base import RateDependence
-from explicit.relaxation.bergstrom_boyce import BergstromBoyce
-from explicit.relaxation.prony import PronySeries
-from kolsky.base.apparatus import Relaxation
+from kolsky.schema.material import RelaxationSection
 
 
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
@@ -24,26 +23,8 @@ def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> 
     return law.scaled(shear_modulus / law.shear_modulus)
 
 
-def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[PronySeries, ...]:
-    """The relaxation of the material; empty without relaxation.
-
-    Raises ValueError if the numbers of strengths and times differ.
-    """
-    series = PronySeries(tuple(strengths), tuple(times))
-    return (series,) if len(series) else ()
-
-
-def what_relaxes(
-    declared: Relaxation | None, strengths: Sequence[float], times: Sequence[float]
-) -> tuple[RateDependence, ...]:
-    """The relaxation of a specimen; empty without relaxation.
-
-    ``declared``: from [relaxation] of its specification. ``strengths``, ``times``: from its [material]. They
-    are used without [relaxation]. Raises ValueError if the constants are not allowed.
-    """
+def relaxing(declared: RelaxationSection | None) -> tuple[RateDependence, ...]:
+    """The relaxation of [relaxation] of a specification; empty without this table."""
     if declared is None:
-        return relaxation_of(strengths, times)
-    constants = list(declared.values.values())
-    if declared.kind == "bergstrom_boyce":
-        return (BergstromBoyce(*constants),)
-    return relaxation_of(constants[: declared.branches], constants[declared.branches :])
+        return ()
+    return (relaxation_of(declared.kind, list(declared.declared().values.values())),)

@@ -415,17 +415,6 @@ STRIP = 0.6e-3
 """Half width of the outline strip in the shot file [m]."""
 
 
-@dataclass(frozen=True)
-class PictureFiles:
-    """The written picture files, as tables."""
-
-    tables: dict[str, dict[str, Any]]
-    """Tables of shot.toml: [pictures], [calibration], [calibration.target] and [dic]."""
-    answer: list[dict[str, Any]]
-    """The true cameras for the whole sensors: K, dist, R, t (X_c = R X + t, from the specimen's frame), and
-    the crop."""
-
-
 def write_pictures(
     q: Specification,
     surface: SurfaceHistory,
@@ -434,12 +423,14 @@ def write_pictures(
     shot: int = 0,
     device: str = "cpu",
     threads: int | None = None,
-) -> PictureFiles:
+) -> tuple[dict[str, dict[str, Any]], list[dict[str, Any]]]:
     """Write both picture series and the calibration series of a shot into its folder.
 
     ``surface``: specimen and flyer at the true times of the frames. ``shot``: its number in the population.
-    ``threads``: threads on a CPU; default: all available to the process. Raises ValueError if a picture does
-    not fit on its sensor, or the target does not fit in both cameras' views.
+    ``threads``: threads on a CPU; default: all available to the process. Returns: tables of shot.toml
+    ([pictures], [calibration], [calibration.target] and [dic]); the true cameras for the whole sensors, K,
+    dist, R, t (X_c = R X + t, from the specimen's frame) and crop. Raises ValueError if a picture does not
+    fit on its sensor, or the target does not fit in both cameras' views.
     """
     rig = rig_of(q, shot=shot)
     workers = threads or cores()
@@ -451,7 +442,7 @@ def write_pictures(
         times = surface.time - q.frames.clock_offset
         write(folder / f"cam{k}{suffix}", pictures, bits=bits, times=times, rate=q.frames.rate)
     write_calibration(q, rig, folder / "calibration", shot=shot, device=device, threads=workers)
-    return PictureFiles({**_tables(q, rig, suffix), **calibration_tables(q)}, _camera_answer(rig))
+    return {**_tables(q, rig, suffix), **calibration_tables(q)}, _camera_answer(rig)
 
 
 def expose_series(

@@ -4,7 +4,6 @@ If all imperfections are zero, the declarations have no errors.
 """
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -33,15 +32,11 @@ Width = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "a length"))]
 """A length that may be zero, for a feature that is absent [m]."""
 
 
-def _listed(words: str, example: str, read: Callable[[object], float]) -> BeforeValidator:
-    """A validator of a list of numbers or written-out quantities."""
-
-    def validate(values: object) -> tuple[float, ...]:
-        if not isinstance(values, list | tuple) or len(values) > 100:
-            raise f.problem(f"is not a list of {words}", cure=f"write e.g. {example}")
-        return tuple(map(read, values))
-
-    return BeforeValidator(validate)
+def _numbers(values: object) -> tuple[float, ...]:
+    """A list of numbers."""
+    if not isinstance(values, list | tuple) or len(values) > 100:
+        raise f.problem("is not a list of numbers", cure="write e.g. [0.1, 0.2]")
+    return tuple(map(f.number, values))
 
 
 def _pair(words: str, cure: str, names: str, least: int, most: int) -> BeforeValidator:
@@ -60,8 +55,7 @@ def _pair(words: str, cure: str, names: str, least: int, most: int) -> BeforeVal
 
 SMALLEST, LARGEST = 64, 1024
 """Sides of a picture [px]."""
-Numbers = Annotated[tuple[float, ...], _listed("numbers", "[0.1, 0.2]", f.number)]
-Times = Annotated[tuple[float, ...], _listed("times", '["20 us", "1 ms"]', f.seconds)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
 Mesh = Annotated[
     tuple[int, int],
     _pair("mesh", "write elements across and along, e.g. [96, 129]", "across, along", 4, 1000),
@@ -311,23 +305,15 @@ class MaterialTable(Section):
     damping: f.Damping = 25e-6
     """beta: deviatoric stress = 2 beta m mu_0 x deviatoric rate of deformation [s]."""
     mass_damping: f.Rate = 0.0
-    prony_strengths: Numbers = ()
-    """Modulus of each branch divided by that of the long-term law [-]; empty: no relaxation."""
-    prony_times: Times = ()
-    """Relaxation time of each branch [s]."""
 
     @model_validator(mode="after")
     def _a_law(self) -> "MaterialTable":
-        from kolsky.virtual.material import law_of, relaxation_of
+        from kolsky.virtual.material import law_of
 
         try:
             law_of(self.law, self.parameters, self.shear_modulus)
         except ValueError as error:
             raise f.problem(f"does not fit: {error}", key="parameters", cure="give each a number") from None
-        try:
-            relaxation_of(self.prony_strengths, self.prony_times)
-        except ValueError as error:
-            raise f.problem(f"does not fit: {error}", key="prony_strengths") from None
         if not 0.0 < self.stiffness_factor <= 1e3:
             raise f.problem("is not allowed", key="stiffness_factor", allowed="above 0, at most 1000")
         return self
@@ -481,8 +467,7 @@ class Specification(Section):
     specimen: SpecimenTable = SpecimenTable()
     material: MaterialTable = MaterialTable()
     relaxation: RelaxationSection | None = None
-    """True relaxation, with the same keys in the shot file. None: no relaxation, or the undeclared one of
-    [material]."""
+    """True relaxation, with the same keys in the shot file. None: no relaxation."""
     quasi_static: QuasiStaticTable = QuasiStaticTable()
     interface: InterfaceTable = InterfaceTable()
     transmission: TransmissionSection = TransmissionSection(support="rigid")
@@ -504,10 +489,9 @@ class Specification(Section):
     @property
     def relaxing(self) -> "tuple[RateDependence, ...]":
         """Relaxation laws of the solver; empty without relaxation."""
-        from kolsky.virtual.material import what_relaxes
+        from kolsky.virtual.material import relaxing
 
-        declared = None if self.relaxation is None else self.relaxation.declared()
-        return what_relaxes(declared, self.material.prony_strengths, self.material.prony_times)
+        return relaxing(self.relaxation)
 
     @model_validator(mode="after")
     def _no_transducer_in_the_bar(self) -> "Specification":
@@ -522,15 +506,5 @@ class Specification(Section):
                 'with support = "mesh" is not made here',
                 key="transmission",
                 cure='write support = "bar", a bar of the parts\' length',
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _relaxes_once(self) -> "Specification":
-        if self.relaxation is not None and self.material.prony_times:
-            raise f.problem(
-                "is given, and so is material.prony_times",
-                key="relaxation",
-                cure="keep one: [relaxation] is declared in the shot file too, [material] is not",
             )
         return self

@@ -106,7 +106,7 @@ def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str,
         },
     }
     if q.relaxation is not None:
-        tables["relaxation"] = _relaxation(q.relaxation)
+        tables["relaxation"] = relaxation_table(q.relaxation)
     if q.uncertainty is not None:
         tables["uncertainty"] = _uncertainty(q.uncertainty.model_dump(exclude_unset=True))
     return tables
@@ -121,19 +121,18 @@ def toml_text(tables: Tables, *, name: str, head: str = HEAD) -> str:
     return "\n".join(parts)
 
 
-def _relaxation(declared: RelaxationSection) -> dict[str, Any]:
+def relaxation_table(declared: RelaxationSection) -> dict[str, Any]:
     """[relaxation] as written, every quantity in its SI unit."""
-    units = {"times": " s", "sigma_times": " s", "resistance": " Pa", "sigma_resistance": " Pa"}
+    units = {"times": "s", "sigma_times": "s", "resistance": "Pa", "sigma_resistance": "Pa"}
+    given = declared.model_dump(exclude_unset=True, exclude_none=True)
+    return {key: _quantity(value, units[key]) if key in units else value for key, value in given.items()}
 
-    def text(key: str, value: Any) -> Any:
-        if key not in units:
-            return list(value) if isinstance(value, tuple) else value
-        if isinstance(value, tuple):
-            return [f"{one:.9g}{units[key]}" for one in value]
-        return f"{value:.9g}{units[key]}"
 
-    given = declared.model_dump(exclude_unset=True)
-    return {key: text(key, value) for key, value in given.items() if value is not None}
+def _quantity(value: Any, unit: str) -> Any:
+    """A number, or each of several, with its unit as text."""
+    if isinstance(value, tuple):
+        return [_quantity(one, unit) for one in value]
+    return f"{value:.9g} {unit}".strip()
 
 
 def _exports(q: Specification) -> dict[str, dict[str, Any]]:
@@ -202,8 +201,7 @@ def _uncertainty(given: Mapping[str, Any]) -> dict[str, Any]:
     lengths = dict.fromkeys(("Z_offset", "y_offset", "gauge_distance", "length_in_pictures"), "m")
     units = {"damping": "s", "clock_offset": "s", **lengths}
     return {
-        key: value if key in plain else f"{value:.9g} {units.get(key, '')}".strip()
-        for key, value in given.items()
+        key: value if key in plain else _quantity(value, units.get(key, "")) for key, value in given.items()
     }
 
 
@@ -244,7 +242,7 @@ def si_texts(record: object, *names: str) -> dict[str, Any]:
     """Attributes of a record as TOML values: texts with SI units, and plain ones as they are."""
     values = {name: getattr(record, name) for name in names}
     return {
-        name: f"{value:.9g} {_UNITS[name]}" if name in _UNITS else value for name, value in values.items()
+        name: _quantity(value, _UNITS[name]) if name in _UNITS else value for name, value in values.items()
     }
 
 

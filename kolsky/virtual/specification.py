@@ -7,8 +7,7 @@ Each shot and subject has a separate random stream. A new subject therefore does
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from copy import deepcopy
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -118,28 +117,6 @@ class Population(Section):
     draw: dict[str, Draw] = Field(default_factory=dict)
 
 
-def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
-    """The specification of one shot in written form, without [population] and [budget].
-
-    ``content``: the specification as written. ``population``: its [population]. Each key of each shot has a
-    separate stream. Raises ValueError if a part of a drawn key's path is not a table.
-    """
-    made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
-    for key, draw in population.draw.items():
-        value = draw.value(stream(seed, shot, "draw", key))
-        table: dict[str, Any] = made
-        *path, last = key.split(".")
-        for part in path:
-            table = table.setdefault(part, {})
-            if not isinstance(table, dict):
-                raise ValueError(f"{key}: {part} is not a table")
-        if isinstance(value, dict):
-            table.setdefault(last, {}).update(deepcopy(value))
-        else:
-            table[last] = deepcopy(value)
-    return made
-
-
 NAME = "SPEC.toml"
 """The name of the specification from `kolsky virtual new`."""
 
@@ -195,13 +172,17 @@ class Series:
             return ShotSpecification(0, declared.name, self.file.content, declared, self.file.path.parent)
         cure = "write low and high as numbers with one unit"
         with refused(self.file.path, key="population.draw", cure=cure):
-            content = drawn(self.file.content, population, seed=declared.seed, shot=number)
+            draws = {
+                key: draw.value(stream(declared.seed, number, "draw", key))
+                for key, draw in population.draw.items()
+            }
+        made = self.file.varied(draws)
+        for table in ("population", "budget"):
+            made.content.pop(table, None)
         width = len(str(population.shots))
         name = f"{declared.name}-{number:0{width}d}"
-        quantities = TomlFile(self.file.path, self.file.sha256, content, self.file.lines).validated(
-            Specification
-        )
-        return ShotSpecification(number, name, content, quantities, self.file.path.parent)
+        quantities = made.validated(Specification)
+        return ShotSpecification(number, name, made.content, quantities, self.file.path.parent)
 
     def __iter__(self) -> Iterator[ShotSpecification]:
         return (self.shot(number) for number in self.numbers)

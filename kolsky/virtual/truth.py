@@ -1,8 +1,9 @@
 """The true behaviour of a synthetic shot, without instruments."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -134,25 +135,14 @@ def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
         if isinstance(truth, TruthError):
             return truth
         found.append(truth)
-    first, surfaces = found[0], [truth.surface for truth in found]
 
-    def mean(each: list[FloatArray]) -> FloatArray:
-        return np.asarray(np.mean(each, axis=0))
+    def means(each: Sequence[object], *names: str) -> dict[str, Any]:
+        return {name: np.mean([getattr(one, name) for one in each], axis=0) for name in names}
 
-    return Truth(
-        surface=SurfaceHistory(
-            time=first.surface.time,
-            r=mean([surface.r for surface in surfaces]),
-            y=mean([surface.y for surface in surfaces]),
-            displacement=first.surface.displacement,
-            tilt=mean([surface.tilt for surface in surfaces]),
-        ),
-        force_time=first.force_time,
-        transmitted=mean([truth.transmitted for truth in found]),
-        incident=mean([truth.incident for truth in found]),
-        flyer_acceleration=first.flyer_acceleration,
-        support_acceleration=mean([truth.support_acceleration for truth in found]),
-        flyer_radius=first.flyer_radius,
+    surfaces = [truth.surface for truth in found]
+    surface = replace(surfaces[0], **means(surfaces, "r", "y", "tilt"))
+    return replace(
+        found[0], surface=surface, **means(found, "transmitted", "incident", "support_acceleration")
     )
 
 

@@ -64,7 +64,6 @@ PLACES: dict[str, tuple[str, ...]] = {
         "kolsky.material.fits.compare.Comparison",
         "material: material_fits material_residuals material_stability",
     ),
-    "SENSITIVITY": ("kolsky.studies.global_sensitivity.GlobalSensitivity", "studies: sensitivity"),
     "SWEEPS": (
         "kolsky.studies.sweep_analysis.SweepAnalysis",
         "studies: sweep_maps sweep_effects sweep_forces sweep_indices",

@@ -1,12 +1,10 @@
-"""Figures of studies with many runs: sweep, global sensitivity, error budget."""
+"""Figures of studies with many runs: sweep, error budget."""
 
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
 
 from doe.sensitivity import SobolIndices
 from kolsky.report.figures.base import (
@@ -26,7 +24,6 @@ from kolsky.report.figures.base import (
 )
 from kolsky.results.nomenclature import axis_label, name_of
 from kolsky.studies.budget.records import Budget, Source
-from kolsky.studies.global_sensitivity import GlobalSensitivity
 from kolsky.studies.sweep_analysis import Output, SweepAnalysis
 
 SYMBOLS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
@@ -190,36 +187,6 @@ def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
     )
 
 
-def _panels(result: GlobalSensitivity) -> list[list[str]]:
-    return [["scalars", *(name for name in ("force", "outline") if getattr(result, name) is not None)]]
-
-
-@figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None, letters=True)
-def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
-    assert result.scalars is not None  # checked by `applies`
-    _bars(panels["scalars"], result.scalars)
-    panels["scalars"].yaxis.set_major_locator(MultipleLocator(0.2))
-    if result.force is not None:
-        _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
-        panels["force"].set_ylabel("Index of the force (–)")
-    if result.outline is not None:
-        _history(panels["outline"], result, *result.outline_by_frame())
-        panels["outline"].set_ylabel("Index of the outline (–)")
-    panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
-    ranges = ", ".join(
-        f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
-        + ("" if name_of(n).unit == "1" else f" {name_of(n).unit}")
-        for n, a, b in zip(result.box.names, result.box.lower, result.box.upper, strict=True)
-    )
-    how = "on a surrogate of the response" if result.by_surrogate else "by the solver itself"
-    return (
-        f"Sobol’ indices over {ranges}, {how} ({result.runs} runs). (a) Total indices (bars, with 95 % "
-        "intervals of the bootstrap) and first-order indices (dots) of misfits and peak force. (b) Indices "
-        "of the mean force of every bin, (c) of the outline of every frame, its points weighted by their "
-        "variance: total (solid) and first order (dashed)."
-    )
-
-
 def _bars(ax: Axes, indices: SobolIndices) -> None:
     """Draw total indices with their intervals as bars, and first-order indices as dots."""
     count, place = len(indices.names), np.arange(len(indices.outputs))
@@ -237,22 +204,6 @@ def _bars(ax: Axes, indices: SobolIndices) -> None:
     ax.axhline(0.0, color=MEASURED, lw=0.5)
     ax.set_ylabel("Sobol’ index (–)")
     ax.set_ylim(min(-0.05, 1.1 * float(indices.first.min())), 1.3)
-
-
-def _history(
-    ax: Axes,
-    result: GlobalSensitivity,
-    times: NDArray[np.float64],
-    first: NDArray[np.float64],
-    total: NDArray[np.float64],
-) -> None:
-    for j, _ in enumerate(result.box.names):
-        ax.plot(MS * times, total[j], color=SERIES[j % len(SERIES)], lw=0.8)
-        ax.plot(MS * times, first[j], color=SERIES[j % len(SERIES)], lw=0.6, ls="--")
-    ax.set_xlabel("Time (ms)")
-    ax.yaxis.set_major_locator(MultipleLocator(0.2))
-    ax.set_ylim(-0.1, 1.1)
-    ax.set_xlim(MS * times[0], MS * times[-1])
 
 
 MOST_SOURCES = 24

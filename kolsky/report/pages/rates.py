@@ -37,7 +37,6 @@ def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "criteria": [] if group.slope is None else [_criterion(c) for c in group.slope.criteria],
         "without": _without(group),
         "shared": _shared(group),
-        "scatter": _scatter(group),
     }
 
 
@@ -200,21 +199,6 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
         row = {"Part": upper_first(part), "Through": short, "Shots": str(moved.size)}
         rows.append({**row, Markup("Moves <i>m</i> by"): change})
     return rows
-
-
-def _scatter(group: GroupRates) -> list[dict[str, str]]:
-    e = group.equal_strain
-    if e is None or len(e.shots) < 2:
-        return []
-    return [
-        {
-            "Strain": plain(float(strain), 2),
-            "Force (N)": plain(float(e.force[:, k].std(ddof=1)), 2),
-            "Radius (mm)": plain(1e3 * float(e.shape_scatter[k]), 2),
-            "Measured − simulated radius (mm)": plain(1e3 * float(e.residual_scatter[k]), 2),
-        }
-        for k, strain in enumerate(e.strains)
-    ]
 
 
 def render(report: RateReport) -> str:

@@ -11,7 +11,7 @@ from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
 from kolsky.report.pages.rendering import draw_figures, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of, with_subscripts
-from kolsky.studies.budget.records import Budget, Campaign
+from kolsky.studies.budget.records import FEWEST, Budget, Campaign
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.planning.plan import rows as plan_rows
 from kolsky.studies.sweep import costs, misfit_sum
@@ -168,10 +168,10 @@ def _least(result: SweepAnalysis) -> Iterator[tuple[str, str]]:
     if (best := result.best) is not None:
         yield "smallest misfit", f"run {best}: {_place(result.box.as_dict(result.table.points[best]), {})}"
     if (least := result.optimum) is not None:
-        at = _place(least.at, least.at_bound)
+        at = _place(result.box.as_dict(least.x), least.at_bound)
         yield (
             "least of the interpolant",
-            f"{SWEEP_WORDS[least.output]} = {numbers.plain(least.value)} at {at}",
+            f"{SWEEP_WORDS[result.judged]} = {numbers.plain(least.value)} at {at}",
         )
 
 
@@ -222,7 +222,7 @@ def render_budget(results: Sequence[Budget], campaign: Campaign | None) -> str:
         kind="Error budget of one impact test",
         heading=first.name,
         subject="error budget",
-        warnings=_budget_warnings(first),
+        warnings=budget_warnings(first),
         figures=figures,
         budgets=[_table(result) for result in results],
         campaign=[] if campaign is None else _campaign(campaign),
@@ -246,7 +246,6 @@ def _table(result: Budget) -> dict[str, Any]:
             "Share (95 %)": _share(
                 result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval
             ),
-            "Share in all at once (95 %)": _share(source.joint_share, source.joint_interval),
             "Common to all shots": "yes" if source.factor.shared else "no",
             "Refused": "; ".join(source.refused),
             "lost": bool(source.refused),
@@ -254,15 +253,15 @@ def _table(result: Budget) -> dict[str, Any]:
         for source in sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
     ]
     low, high = result.u_together_interval
+    together = f"not known: {len(result.together)} answers, {FEWEST} are needed"
+    if len(result.together) >= FEWEST:
+        ends = (numbers.plain(2.0 * scale * end, 3) for end in (result.u_together, low, high))
+        together = "{} ({} to {})".format(*ends)
     facts = [
         ("true value", numbers.plain(scale * result.truth)),
         ("estimate without errors", numbers.plain(scale * result.reference)),
         ("U (k = 2), sources added in quadrature", numbers.plain(2.0 * scale * result.u_sum, 3)),
-        (
-            f"U (k = 2), all at once, {len(result.together)} draws",
-            f"{numbers.plain(2.0 * scale * result.u_together, 3)} "
-            f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
-        ),
+        (f"U (k = 2), all at once, {len(result.together)} draws", together),
     ]
     facts.append(("re-fit minus whole search, without errors", numbers.part(scale * result.closure, U)))
     facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
@@ -270,10 +269,21 @@ def _table(result: Budget) -> dict[str, Any]:
         facts.append(
             ("ended in another valley", f"{len(result.elsewhere)} of {result.searched} whole searches")
         )
-    if result.joint is not None:
-        share = _share(result.joint.unexplained, result.joint.unexplained_interval)
-        facts.append(("of all at once, no straight line explains", share))
     return {"symbol": _named(result.parameter), "facts": facts, "rows": rows}
+
+
+def budget_rows(result: Budget, campaign: Campaign | None = None) -> dict[str, str]:
+    """Return the page's facts for a terminal, and each source with its expanded uncertainty and share."""
+    known = name_of(result.parameter)
+    rows = {"test": result.name, "parameter": result.parameter, **dict(_table(result)["facts"])}
+    for source in sorted(result.sources, key=lambda source: -np.nan_to_num(source.u)):
+        text = "not known: the test gave no answer"
+        if np.isfinite(source.u):
+            U = numbers.plain(2.0 * known.factor * source.u, 3)
+            text = f"{U} ({numbers.percent(result.share(source))})"
+        rows[f"U from {source.factor.words}"] = text
+    rows |= {} if campaign is None else dict(_campaign(campaign))
+    return {name: numbers.plain_sentence(text) for name, text in rows.items()}
 
 
 def _share(value: float, interval: tuple[float, float]) -> str:
@@ -285,7 +295,8 @@ def _share(value: float, interval: tuple[float, float]) -> str:
     return f"{numbers.percent(value)}{ends}"
 
 
-def _budget_warnings(result: Budget) -> list[str]:
+def budget_warnings(result: Budget) -> list[str]:
+    """Return the warnings of a budget, a sentence or two each."""
     texts = []
     if result.adds_up is False:
         texts.append(

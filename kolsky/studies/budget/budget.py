@@ -7,6 +7,7 @@ identified by the complete search (`kolsky.studies.budget.realisation`).
 """
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +30,7 @@ from kolsky.studies.budget.realisation import (
     names_of,
     slopes_of,
 )
-from kolsky.studies.budget.records import FEWEST, Budget, Source, joint_shares, shares_of_squares
+from kolsky.studies.budget.records import FEWEST, Budget, Source, shares_of_squares
 from kolsky.virtual.schema import Specification
 
 
@@ -66,31 +67,22 @@ def budget(
     realisations = Realisations(bare, folder, factors, settings)
     points = design(factors, draws=draws, together=together, seed=quantities.seed)
 
-    def all_runs(book: Ledger | None) -> list[Run]:
+    if ledger is not None:
+        ledger.parent.mkdir(parents=True, exist_ok=True)
+    with nullcontext() if ledger is None else Ledger(ledger, realisations.model_hash()) as book:
         run = partial(run_chunks, chunk=1, ledger=book, executor=executor, retry=retry, progress=progress)
         first = run(realisations, points[:1])
         if not first[0].completed:
             raise ValueError(f"the test without errors gives no answer: {first[0].reason}")
         later = replace(realisations, start=_start(bare, settings, first[0]))
-        alone = run(later, points[1:-together] if together else points[1:])
+        alone = run(later, points[1 : len(points) - together])
         if not alone[0].completed:
             raise ValueError(f"the test without errors is not found again by a re-fit: {alone[0].reason}")
         later = replace(later, slopes=slopes_of(factors, alone, len(columns_of(settings))))
-        return [*first, *alone, *(run(later, points[-together:]) if together else [])]
-
-    if ledger is None:
-        runs = all_runs(None)
-    else:
-        ledger.parent.mkdir(parents=True, exist_ok=True)
-        with Ledger(ledger, realisations.model_hash()) as book:
-            runs = all_runs(book)
-    truths = {
-        "stiffness_factor": quantities.material.stiffness_factor,
-        "poisson": quantities.material.poisson,
-        "damping": quantities.material.damping,
-    }
+        runs = [*first, *alone, *(run(later, points[-together:]) if together else [])]
+    material = quantities.material
     return tuple(
-        analysed(quantities.name, name, truths.get(name, float("nan")), factors, points, runs, column, draws)
+        analysed(quantities.name, name, getattr(material, name, float("nan")), factors, runs, column, draws)
         for column, name in enumerate(names_of(settings))
     )
 
@@ -112,7 +104,6 @@ def analysed(
     parameter: str,
     truth: float,
     factors: tuple[Factor, ...],
-    points: FloatArray,
     runs: list[Run],
     column: int,
     draws: int,
@@ -140,19 +131,13 @@ def analysed(
     at += draws
     rest = values[at:]
     use = np.isfinite(rest)
-    joint = joint_shares(points[at:][use][:, 1:-1], rest[use]) if use.any() else None
-    if joint is not None:  # the noise has no separate share
-        sources[1:] = [
-            replace(source, joint_share=float(share), joint_interval=(float(low), float(high)))
-            for source, share, (low, high) in zip(sources[1:], joint.shares, joint.intervals, strict=True)
-        ]
     outcomes = tuple(RealisationOutcome(run.outcome) for run in runs)
     jumped = [outcome is RealisationOutcome.OTHER_VALLEY for outcome in outcomes[at:]]
     return Budget(
         name=name, parameter=parameter, truth=truth, reference=reference, closure=float(values[1] - whole[0]),
         sources=tuple(sources), together=rest[use], refused=tuple(text for text in why[at:] if text),
         elsewhere=whole[at:][np.array(jumped, dtype=bool)], searched=int(np.isfinite(whole[at:]).sum()),
-        outcomes=outcomes, joint=joint,
+        outcomes=outcomes,
     )  # fmt: skip
 
 

@@ -14,28 +14,10 @@ from kolsky.studies.budget.realisation import Factor, RealisationOutcome
 
 RESAMPLES = 2000
 """Number of bootstrap samples."""
-SPARE_DRAWS = 4
-"""Smallest number of draws beyond the constants of the line."""
 PERCENT = (2.5, 97.5)
 """Ends of an interval."""
 
 Interval = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class JointShares:
-    """Shares of the sources in the variance of the draws of all errors together."""
-
-    slopes: FloatArray
-    """Change of the answer by one standard uncertainty of each source, shape [p]."""
-    shares: FloatArray
-    """Share of each source [-], shape [p]."""
-    intervals: FloatArray
-    """95 % intervals of them, shape [p, 2]."""
-    unexplained: float
-    """Share that the straight line does not explain [-]: noise, curvature, interactions."""
-    unexplained_interval: Interval
-    """95 % interval of this share."""
 
 
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray) -> FloatArray:
@@ -54,39 +36,6 @@ def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray) -> FloatArr
     known = np.isfinite(u)
     found[known] = np.percentile(shares[:, known], PERCENT, axis=0).T
     return found
-
-
-def joint_shares(z: FloatArray, values: FloatArray) -> JointShares | None:
-    """Shares of sources in the variance of draws of all of them together, Eq. (E.12).
-
-    ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n].
-    Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be
-    distinguished.
-    """
-    n, p = z.shape
-    left = n - p - 1
-    A = np.column_stack([np.ones(n), z])
-    if left < SPARE_DRAWS or np.linalg.matrix_rank(A) <= p:
-        return None
-    gain = np.linalg.pinv(A)
-    fitted = A @ (gain @ values)
-    residual = values - fitted
-    rng = np.random.default_rng(1)
-    drawn = residual[rng.integers(n, size=(RESAMPLES, n))] * np.sqrt(n / left)
-    samples = np.concatenate([values[None], fitted + drawn])
-    slopes = samples @ gain.T
-    rest = ((samples - slopes @ A.T) ** 2).sum(axis=1) / left
-    total = (slopes[:, 1:] ** 2).sum(axis=1) + rest
-    parts = np.column_stack([slopes[:, 1:] ** 2, rest])
-    shares = np.divide(parts, total[:, None], out=np.zeros_like(parts), where=total[:, None] > 0.0)
-    low, high = np.percentile(shares[1:], PERCENT, axis=0)
-    return JointShares(
-        slopes=slopes[0, 1:],
-        shares=shares[0, :-1],
-        intervals=np.stack([low[:-1], high[:-1]], axis=1),
-        unexplained=float(shares[0, -1]),
-        unexplained_interval=(float(low[-1]), float(high[-1])),
-    )
 
 
 FEWEST = 4
@@ -109,10 +58,6 @@ class Source:
     share_interval: tuple[float, float] = NO_INTERVAL
     """95 % interval of its share in the sum of the squares [-]. The interval is due to the few draws of the
     noise."""
-    joint_share: float = float("nan")
-    """Its share in the variance of the draws of all errors together, by a straight line through them [-]."""
-    joint_interval: tuple[float, float] = NO_INTERVAL
-    """95 % interval of this share, by bootstrap [-]."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +85,6 @@ class Budget(ResultViews):
     """Outcome of every realisation. The first one has no errors."""
     closure: float = float("nan")
     """Re-fit minus complete search for the test without errors. It shows the agreement of both methods."""
-    joint: JointShares | None = None
-    """The straight line through the draws of all errors together. None if they are too few."""
 
     @property
     def u_sum(self) -> float:
@@ -253,9 +196,6 @@ def columns(result: Budget) -> dict[str, list[Any]]:
         "share (1)": [result.share(source) for source in sources],
         "share, 95 % from (1)": [source.share_interval[0] for source in sources],
         "share, 95 % to (1)": [source.share_interval[1] for source in sources],
-        "share in all at once (1)": [source.joint_share for source in sources],
-        "in all at once, 95 % from (1)": [source.joint_interval[0] for source in sources],
-        "in all at once, 95 % to (1)": [source.joint_interval[1] for source in sources],
         "common to all shots (0/1)": [int(source.factor.shared) for source in sources],
         "refused": ["; ".join(source.refused) for source in sources],
     }
@@ -265,6 +205,12 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget in numbers, SI, with the largest source first."""
     low, high = result.u_together_interval
     ordered = sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
+    planned = {} if campaign is None else {
+        "campaign_shots": campaign.shots,
+        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+        "campaign_sigma": campaign.sigma,
+        "campaign_half_width": campaign.half_width,
+    }  # fmt: skip
     return {
         "test": result.name,
         "parameter": result.parameter,
@@ -281,8 +227,6 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
         "realisations": result.counts,
         "searched_whole": result.searched,
         "in_another_valley": result.elsewhere.tolist(),
-        "unexplained": None if result.joint is None else result.joint.unexplained,
-        "unexplained_interval": None if result.joint is None else list(result.joint.unexplained_interval),
         "sources": {
             source.factor.key: {
                 "sigma": source.factor.sigma,
@@ -291,48 +235,8 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
                 "slope": source.slope,
                 "share": result.share(source),
                 "share_interval": list(source.share_interval),
-                "joint_share": source.joint_share,
-                "joint_interval": list(source.joint_interval),
                 "refused": len(source.refused),
             }
             for source in ordered
         },
-        **(
-            {}
-            if campaign is None
-            else {
-                "campaign_shots": campaign.shots,
-                "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
-                "campaign_sigma": campaign.sigma,
-                "campaign_half_width": campaign.half_width,
-            }
-        ),
-    }
-
-
-def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
-    """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
-    said = facts(result, campaign)
-    for name in ("together", "unexplained", "unexplained_interval", "closure", "realisations"):
-        del said[name]
-    elsewhere = said.pop("in_another_valley")
-    words = {source.factor.key: source.factor.words for source in result.sources}
-    lines = {
-        f"U from {words[key]}": f"{2.0 * source['u']:.3g} ({100.0 * source['share']:.2g} %)"
-        if np.isfinite(source["u"])
-        else "not known: the test gave no answer"
-        for key, source in said.pop("sources").items()
-    }
-    known = {
-        key: "not known" if isinstance(value, float) and not np.isfinite(value) else value
-        for key, value in said.items()
-        if not key.startswith("u_")
-    }
-    few = f"not known: {len(result.together)} answers, {FEWEST} are needed"
-    return {**known, **lines} | {
-        "realisations": ", ".join(f"{n} {how}" for how, n in result.counts.items()),
-        "in another valley": f"{len(elsewhere)} of {result.searched}"
-        + (f", at {', '.join(f'{value:.4g}' for value in elsewhere)}" if elsewhere else ""),
-        "U, added in quadrature": f"{2.0 * result.u_sum:.3g}",
-        "U, all at once": f"{2.0 * result.u_together:.3g}" if len(result.together) >= FEWEST else few,
-    }
+    } | planned

@@ -16,7 +16,7 @@ from kolsky.studies.local_sensitivity import (
     LocalSensitivity,
     ObservationGrid,
     local_sensitivity,
-    mesh_change,
+    observed,
 )
 
 
@@ -248,18 +248,19 @@ def discrepancies(
 ) -> tuple[float, float]:
     """Smallest discrepancies of the model.
 
-    The discrepancies are the changes to a mesh `FINER` times as fine [N], [m].
+    They are the root mean square changes to a mesh `FINER` times as fine [N], [m].
 
     Raises ValueError if a run does not complete.
     """
     across, along = numerics.mesh
-    return mesh_change(
-        _at_rate(forward, rate),
-        _observation_grid(forward, instruments, rate),
-        values,
-        numerics,
-        (round(FINER * across), round(FINER * along)),
-    )
+    finer = numerics.with_mesh((round(FINER * across), round(FINER * along)))
+    moved, grid = _at_rate(forward, rate), _observation_grid(forward, instruments, rate)
+    columns = {name: np.array([value]) for name, value in values.items()}
+    here, there = (observed(moved, grid, columns, one) for one in (numerics, finer))
+    force, radius = (a[0] - b[0] for a, b in zip(here, there, strict=True))
+    both = np.isfinite(radius)
+    outline = float(np.sqrt((radius[both] ** 2).mean())) if both.any() else 0.0
+    return float(np.sqrt((force**2).mean())), outline
 
 
 def _observation_grid(forward: Forward, instruments: Instruments, rate: float) -> ObservationGrid:

@@ -6,7 +6,7 @@ Window, frames, heights and rate are compared by the determinant of the expected
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -80,13 +80,8 @@ def camera_windows(found: Information, share: float) -> Choice | None:
     """Best recording time of the cameras if their memory covers only a share of the window. The force is
     recorded throughout. None without cameras, or if no choice constrains all parameters."""
     frames = found.sensitivity.grid.frames
-    count = max(1, round(share * len(frames)))
-    chosen = _chosen(found, found.by_frame(), count, best_window)
-    return (
-        None
-        if chosen is None
-        else Choice(frames[[chosen.chosen[0], chosen.chosen[-1]]], _deviations(chosen, found))
-    )
+    choice = _chosen(found, found.by_frame(), max(1, round(share * len(frames))), best_window, frames)
+    return None if choice is None else replace(choice, places=choice.places[[0, -1]])
 
 
 def camera_heights(found: Information, count: int) -> Choice | None:
@@ -97,8 +92,7 @@ def camera_heights(found: Information, count: int) -> Choice | None:
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
         raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")
-    chosen = _chosen(found, found.by_height(), count, best_groups)
-    return None if chosen is None else Choice(heights[list(chosen.chosen)], _deviations(chosen, found))
+    return _chosen(found, found.by_height(), count, best_groups, heights)
 
 
 def best_rate(rates: Sequence[Rate]) -> Rate:
@@ -107,16 +101,16 @@ def best_rate(rates: Sequence[Rate]) -> Rate:
 
 
 def _chosen(
-    found: Information, groups: FloatArray, count: int, choose: Callable[..., Placement]
-) -> Placement | None:
+    found: Information, groups: FloatArray, count: int, choose: Callable[..., Placement], places: FloatArray
+) -> Choice | None:
     try:
-        return choose(groups, count, base=found.of_force) if groups.any() else None
+        chosen = choose(groups, count, base=found.of_force) if groups.any() else None
     except UndecidedError:
         return None  # unconstrained parameters are reported with the expected deviations
-
-
-def _deviations(chosen: Placement, found: Information) -> FloatArray:
-    return found.data.scale * np.sqrt(np.diag(np.linalg.inv(chosen.information)))
+    if chosen is None:
+        return None
+    deviations = found.data.scale * np.sqrt(np.diag(np.linalg.inv(chosen.information)))
+    return Choice(places[list(chosen.chosen)], deviations)
 
 
 NAMES = ("stiffness_factor", "poisson", "damping")

@@ -32,8 +32,6 @@ STEP = 1e-4
 """Half step of the tangent's central difference [-]. Its error is of the order of 1e-8 of the curvature."""
 DRAWS = 100
 """Number of curves drawn from the curve's noise. Their standard deviation is accurate to 7 %."""
-HEIGHTS = 41
-"""Number of relative heights at which outlines are compared."""
 BASELINE = 61
 """Number of points of the quasi-static line."""
 FEWEST_POINTS = 4
@@ -152,7 +150,6 @@ def equal_strain(
     line = np.linspace(0.0, min(shot.history.largest for shot in shots), BASELINE)
     curve = first.quasi_static
     base = [baselines.stress(curve, x) if baselines.reaches(curve, x) else np.nan for x in line]
-    scatter = [_scatter([s for s in shapes if s.strain == x], shots) for x in kept]
     return EqualStrain(
         strains=e,
         shots=tuple(shot.name for shot in shots),
@@ -162,8 +159,6 @@ def equal_strain(
         baseline_strain=line,
         baseline_force=area * np.array(base),
         shapes=shapes,
-        shape_scatter=np.array([s[0] for s in scatter]),
-        residual_scatter=np.array([s[1] for s in scatter]),
     )
 
 
@@ -184,37 +179,6 @@ def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
         y=line.y[points], Z=line.Z[points], sigma=line.sigma[points],
         model=np.where(c.inside[points], c.Z_model[points], np.nan),
     )  # fmt: skip
-
-
-def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
-    """Standard deviation between shots of the radius and its residual [m], as rms over common heights."""
-    lengths = {shot.name: shot.specimen[1] for shot in shots}
-    if len(shapes) < 2:
-        return float("nan"), float("nan")
-    relative = [s.y / (lengths[s.shot] * (1.0 - s.at)) for s in shapes]
-    low, high = max(h[0] for h in relative), min(h[-1] for h in relative)
-    if not low < high:
-        return float("nan"), float("nan")
-    grid = np.linspace(low, high, HEIGHTS)
-    radii = np.stack([np.interp(grid, h, s.Z) for h, s in zip(relative, shapes, strict=True)])
-    residuals = np.stack([_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)])
-    return _rms_scatter(radii), _rms_scatter(residuals)
-
-
-def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> FloatArray:
-    """Measured minus simulated radius at relative heights; NaN outside the model's range."""
-    seen = np.isfinite(shape.model)
-    if int(seen.sum()) < 2:
-        return np.full(grid.shape, np.nan)
-    return np.interp(grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan)
-
-
-def _rms_scatter(rows: FloatArray) -> float:
-    """Standard deviation between rows (n - 1), as rms over the columns that are finite in every row."""
-    whole = np.isfinite(rows).all(axis=0)
-    if not whole.any():
-        return float("nan")
-    return float(np.sqrt(np.mean(rows[:, whole].var(axis=0, ddof=1))))
 
 
 STRAINS = (0.1, 0.3, 0.5)
@@ -367,7 +331,7 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
 
 def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     rates = {shot.quasi_static.rate for shot in counted}
-    if rates and rates != {None} and len(rates) > 1:
+    if len(rates) > 1:
         return [
             "the quasi-static curves have different rates, or not all are declared: no line to them is drawn"
         ]

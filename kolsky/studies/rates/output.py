@@ -171,17 +171,9 @@ def _quasi_static_force(rates: GroupRates) -> Rows:
         yield from zip(e.baseline_strain, e.baseline_force, strict=True)
 
 
-def _scatter(rates: GroupRates) -> Rows:
-    if (e := rates.equal_strain) is not None:
-        for k, strain in enumerate(e.strains):
-            force = e.force[:, k].std(ddof=1) if len(e.shots) > 1 else NAN
-            yield strain, e.shape_scatter[k], e.residual_scatter[k], force
-
-
 SLOPES = ["slope (1/decade)", "slope, 95 % low (1/decade)", "slope, 95 % high (1/decade)"]
 STRAIN = "nominal strain (1)"
 OUTLINE = ["strain of the frame (1)", "y (m)", "Z (m)", "sigma Z (m)", "Z simulated (m)"]
-APART = ["scatter of Z between shots (m)", "scatter of Z measured minus simulated (m)"]
 TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     "rate_leave_one_out": (
         _leave_one_out,
@@ -193,7 +185,6 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     "rate_force_at_strain": (_force, [STRAIN, "shot", "force (N)", "sigma (N)", "simulated force (N)"]),
     "rate_shape_at_strain": (_shape, [STRAIN, "shot", *OUTLINE]),
     "rate_quasi_static_force": (_quasi_static_force, [STRAIN, "quasi-static force (N)"]),
-    "rate_scatter_at_strain": (_scatter, [STRAIN, *APART, "scatter of the force (N)"]),
     "rate_remarks": (lambda rates: ((remark,) for remark in rates.remarks), ["remark"]),
 }
 """Rows of a group. Headings follow the group's name."""

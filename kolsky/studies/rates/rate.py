@@ -104,31 +104,23 @@ def result_of(shot: Path) -> Path:
 
 
 def collected_shot(
-    shot: Source,
-    *,
-    group: str,
-    identify: Callable[[Shot], Identification] | None = None,
-    measure: Callable[[Any], OpticalData] | None = None,
+    shot: Source, *, group: str, measure: Callable[[Any], OpticalData] | None = None
 ) -> RatedShot:
     """One shot with its rate and its result.
 
-    ``shot``: the shot's folder, its shot.toml, or the parsed shot.toml. ``identify``: makes a missing result.
-    Without it, a shot without a result is rejected. ``measure``: as in `kolsky.shot.load.load_shot`. Raises
-    InputError if the shot cannot be loaded or has no result. The same error is raised if its result belongs
-    to other files or has no stiffness factor.
+    ``shot``: the shot's folder, its shot.toml, or the parsed shot.toml. ``measure``: as in
+    `kolsky.shot.load.load_shot`. Raises InputError if the shot cannot be loaded or has no result. The same
+    error is raised if its result belongs to other files or has no stiffness factor.
     """
     file, declared = declarations(shot)
     place = result_of(file.path)
-    if identify is None and not place.exists():
+    if not place.exists():
         raise InputError(
             place, "there is no result of this shot", cure=f"`kolsky identify {file.path.parent}` writes one"
         )
     loaded = load_shot(file, measure=measure)
-    if place.exists() or identify is None:
-        found = read_identification(place)
-        _same_files(place, found, loaded, file.path.name)
-    else:
-        found = identify(loaded)
+    found = read_identification(place)
+    _same_files(place, found, loaded, file.path.name)
     if PARAMETER not in found.estimates:
         raise InputError(
             place,
@@ -202,18 +194,12 @@ def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str
         )
 
 
-__all__ = ["rate"]
-
-Identify = Callable[[Path, Shot], Identification]
-
-
 def rate(
     shots: Sequence[str | Path],
     *,
     group: str = "",
     strains: Sequence[float] = STRAINS,
     shared: float = 0.0,
-    identify: Identify | None = None,
     keep_unexplained: bool = False,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> RateReport:
@@ -229,9 +215,6 @@ def rate(
         Nominal compressive strains of the tables, each in (0, 1).
     shared
         Relative standard uncertainty common to all stiffness factors [-].
-    identify
-        Called as ``identify(path, shot)`` for a shot without a result. Without this function, such a shot is
-        rejected.
     keep_unexplained
         True to include shots with data that the model does not explain. By default they are left out.
     progress
@@ -254,7 +237,6 @@ def rate(
         one = collected_shot(
             file,
             group=name,
-            identify=None if identify is None else partial(identify, file.path),
             # Results from pictures are stored with the shot's results.
             measure=partial(measured, folder=file.path.parent / "results", progress=progress),
         )

@@ -1,14 +1,13 @@
 """Records of a comparison of rates: one shot with its strain history, a group of shots, the report."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dic.views import ResultViews
-from kolsky.bars.flyer.front_path import front_path
-from kolsky.bars.flyer.path import FlyerPath, fit_flyer
+from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
-from kolsky.base.records import FlyerMotion, FrontVelocity, MaterialCurve
+from kolsky.base.records import FrontVelocity, MaterialCurve
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
@@ -71,7 +70,8 @@ def strain_history(shot: Shot) -> StrainHistory:
 
     Raises ValueError if the motion cannot be used, or if the compression in the window does not exceed 1 %.
     """
-    path, sigma_gain = _path(shot.flyer, shot.window[0])
+    path, flyer = shot.flyer_path, shot.flyer
+    sigma_gain = flyer.sigma_gain if isinstance(flyer, FrontVelocity) else 0.0
     first, last = max(shot.window[0], path.start), min(shot.window[1], path.end)
     time = np.linspace(first, last, TIMES)
     return strain_history_of(path, time, shot.specimen.length, sigma_gain=sigma_gain)
@@ -115,13 +115,6 @@ def _over_strain(rate: FloatArray, weight: FloatArray) -> tuple[float, float, fl
     log = np.log10(rate)
     mean = np.average(log, weights=weight)
     return float(low), float(high), float(np.sqrt(np.average((log - mean) ** 2, weights=weight)))
-
-
-def _path(motion: FlyerMotion | FrontVelocity, start: float) -> tuple[FlyerPath, float]:
-    """The path of the identification, and the uncertainty of its scale."""
-    if isinstance(motion, FlyerMotion):
-        return fit_flyer(motion, start=start), 0.0
-    return front_path(replace(motion, sigma_gain=0.0)), motion.sigma_gain
 
 
 COUNTED = tuple(verdict for verdict in Verdict if verdict.identified)
@@ -284,11 +277,6 @@ class EqualStrain:
     """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN beyond the curve."""
     shapes: tuple[ShapeAtStrain, ...]
     """Every outline, by strain and shot."""
-    shape_scatter: FloatArray
-    """Standard deviation between shots of the measured radius [m], shape [k], as rms over the height. NaN
-    with fewer than two outlines."""
-    residual_scatter: FloatArray
-    """Standard deviation between shots of measured minus simulated radius [m], shape [k]."""
 
 
 @dataclass(frozen=True)

@@ -365,56 +365,27 @@ def _line(x: FloatArray, y: FloatArray, s: FloatArray, shared: FloatArray) -> Mi
 def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -> tuple[Criterion, ...]:
     ratio = span / spread if spread > 0.0 else np.inf
     found = [
-        Criterion(
-            "shots",
-            float(y.size),
-            float(FEWEST_FOR_SLOPE),
-            "1",
-            True,
-            f"there are {y.size} shots, {FEWEST_FOR_SLOPE} needed",
-        ),
-        Criterion(
-            "span of the rates",
-            span,
-            LEAST_SPAN,
-            "decade",
-            True,
-            f"the shots' rates span {span:.2f} decade, {LEAST_SPAN:g} are needed: a slope per decade would"
-            " extrapolate them more than twofold",
-        ),
-        Criterion(
-            "span over the spread of the rate inside a test",
-            ratio,
-            LEAST_RATIO,
-            "1",
-            True,
-            f"the span is {ratio:.1f} times the {spread:.2f} decade by which the rate spreads inside a test,"
-            f" {LEAST_RATIO:g} times are needed: the shots are not tests at different rates",
-        ),
-    ]
+        Criterion("shots", float(y.size), float(FEWEST_FOR_SLOPE), "1", True,
+                  f"there are {y.size} shots, {FEWEST_FOR_SLOPE} needed"),
+        Criterion("span of the rates", span, LEAST_SPAN, "decade", True,
+                  f"the shots' rates span {span:.2f} decade, {LEAST_SPAN:g} are needed: a slope per decade "
+                  "would extrapolate them more than twofold"),
+        Criterion("span over the spread of the rate inside a test", ratio, LEAST_RATIO, "1", True,
+                  f"the span is {ratio:.1f} times the {spread:.2f} decade by which the rate spreads inside a "
+                  f"test, {LEAST_RATIO:g} times are needed: the shots are not tests at different rates"),
+    ]  # fmt: skip
     if fit is None:
         return tuple(found)
     low, high = fit.interval(1)
     width = 0.5 * (high - low) / abs(float(y.mean()))
     leverage = float(fit.leverage.max())
-    return (
-        *found,
-        Criterion(
-            "largest leverage of one shot",
-            leverage,
-            LARGEST_LEVERAGE,
-            "1",
-            False,
-            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its "
-            "error would change the line without a visible residual: repeat the test at that rate",
-        ),
-        Criterion(
-            "half width of the slope's interval over the mean",
-            width,
-            LARGEST_HALF_WIDTH,
-            "1/decade",
-            False,
-            f"the scatter leaves the slope uncertain by {100.0 * width:.0f} % of the stiffness per decade, at"
-            f" most {100.0 * LARGEST_HALF_WIDTH:.0f} % is allowed: nothing would be excluded",
-        ),
-    )
+    found += [
+        Criterion("largest leverage of one shot", leverage, LARGEST_LEVERAGE, "1", False,
+                  f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its "
+                  "error would change the line without a visible residual: repeat the test at that rate"),
+        Criterion("half width of the slope's interval over the mean", width, LARGEST_HALF_WIDTH, "1/decade",
+                  False, f"the scatter leaves the slope uncertain by {100.0 * width:.0f} % of the stiffness "
+                  f"per decade, at most {100.0 * LARGEST_HALF_WIDTH:.0f} % is allowed: nothing would be "
+                  "excluded"),
+    ]  # fmt: skip
+    return tuple(found)

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 from scipy.stats import sobol_indices as scipy_indices
 
-from doe import Box, ResponseSurrogate, information, latin_hypercube
+from doe import Box, information
 from doe.information import LinearData, SingularInformationError, best_groups, best_window
-from doe.sensitivity import SaltelliSample, history_indices, morris, sobol_indices
+from doe.sensitivity import at_saltelli_points, morris, sobol_indices
 
 CIRCLE = Box.of({name: (-np.pi, np.pi) for name in ("x1", "x2", "x3")})
 WEIGHTS = np.array([0.0, 1.0, 4.5, 9.0])
@@ -62,8 +62,7 @@ def test_g_function_with_its_interactions():
 
 
 def test_the_estimators_are_those_of_scipy():
-    sample = SaltelliSample.draw(3, 256, 3)
-    at_A, at_B, at_AB = sample.ask(ishigami, CIRCLE)
+    at_A, at_B, at_AB = at_saltelli_points(ishigami, CIRCLE, 256, 3)
     theirs = scipy_indices(
         func={"f_A": at_A.T, "f_B": at_B.T, "f_AB": at_AB.swapaxes(1, 2)}, n=256, rng=np.random.default_rng(0)
     )
@@ -96,62 +95,6 @@ def test_what_does_not_vary_is_refused():
         sobol_indices(CIRCLE, ishigami, outputs=("y",), n=1000, rng=1)
     with pytest.raises(ValueError, match=r"not finite at \{'x1'"):
         sobol_indices(CIRCLE, lambda x: np.where(x[:, :1] > 0.0, x[:, :1], np.nan), outputs=("y",), rng=1)
-
-
-TIME = np.linspace(0.0, 1.0, 40)
-
-
-def history(u: np.ndarray) -> np.ndarray:
-    """u0 from the start, u1 growing, and a product of the two others late."""
-    product = (u[:, 2] - 0.5) * (u[:, 3] - 0.5)
-    return u[:, :1] + TIME * u[:, 1:2] + 6.0 * TIME**2 * product[:, None]
-
-
-def history_exact() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variances of u0, of u1 and of the product at each time, shape [3, 40]: 1/12, t^2/12, 36 t^4/144."""
-    return np.full(TIME.size, 1.0 / 12.0), TIME**2 / 12.0, TIME**4 / 4.0
-
-
-def test_indices_through_time_and_of_the_whole_history():
-    one, two, product = history_exact()
-    whole = one + two + product
-    found = history_indices(UNIT, history, n=4096, rng=5)
-    assert found.components == 3  # three functions of time
-    zero = np.zeros_like(one)
-    # 0.03: three outputs share 4096 points; plain sampling would give 0.02 to 0.03.
-    np.testing.assert_allclose(found.first, np.array([one, two, zero, zero]) / whole, atol=0.03)
-    np.testing.assert_allclose(found.total, np.array([one, two, product, product]) / whole, atol=0.03)
-    np.testing.assert_allclose(found.variance, whole, rtol=0.03)
-    total = whole.sum()
-    exact = np.array([one.sum(), two.sum(), product.sum(), product.sum()]) / total
-    np.testing.assert_allclose(found.aggregated_total, exact, atol=0.02)
-    low, high = found.aggregated_total_interval.T
-    assert ((low <= exact) & (exact <= high)).all()
-    np.testing.assert_allclose(found.aggregated_first, np.array([*exact[:2], 0.0, 0.0]), atol=0.02)
-
-
-def test_generalised_index_of_one_entry_is_its_own():
-    scalar = sobol_indices(CIRCLE, ishigami, outputs=("y",), n=512, rng=6)
-    found = history_indices(CIRCLE, ishigami, n=512, rng=6)
-    np.testing.assert_allclose(found.aggregated_first, scalar.first[0], atol=1e-10)  # round-off
-    np.testing.assert_allclose(found.total[:, 0], scalar.total[0], atol=1e-10)
-
-
-def test_entries_that_do_not_move_have_no_index():
-    found = history_indices(UNIT, lambda u: np.column_stack([np.ones(len(u)), u[:, 0]]), n=64, rng=1)
-    assert np.isnan(found.first[:, 0]).all()
-    assert found.first[0, 1] == pytest.approx(1.0, abs=0.1)
-    with pytest.raises(ValueError, match="nothing to explain"):
-        history_indices(UNIT, lambda u: np.ones((len(u), 3)), n=64, rng=1)
-
-
-def test_indices_of_a_surrogate_through_its_protocol():
-    design = latin_hypercube(UNIT, 60, rng=1, optimise=True)
-    surrogate = ResponseSurrogate.fit(UNIT, design.points, history(design.points))
-    found = history_indices(UNIT, surrogate.predict, n=1024, rng=5)
-    exact = history_indices(UNIT, history, n=1024, rng=5)
-    # Sixty runs fix two linear terms and a product to a few per cent.
-    np.testing.assert_allclose(found.aggregated_total, exact.aggregated_total, atol=0.03)
 
 
 def test_elementary_effects_of_a_linear_function_are_its_slopes():
@@ -309,7 +252,7 @@ def oracles_ishigami(x: np.ndarray) -> np.ndarray:
 
 def test_scipys_estimator_on_the_same_points() -> None:
     found = sobol_indices(BOX, oracles_ishigami, outputs=("y", "z"), n=N, rng=SEED)
-    at_A, at_B, at_AB = SaltelliSample.draw(3, N, SEED).ask(oracles_ishigami, BOX)
+    at_A, at_B, at_AB = at_saltelli_points(oracles_ishigami, BOX, N, SEED)
     oracle = stats.sobol_indices(func={"f_A": at_A.T, "f_B": at_B.T, "f_AB": np.swapaxes(at_AB, 1, 2)}, n=N)
     # The same sums in another order. SciPy has shape [output, parameter].
     np.testing.assert_allclose(found.first, oracle.first_order, rtol=0.0, atol=1e-10)
@@ -319,7 +262,7 @@ def test_scipys_estimator_on_the_same_points() -> None:
 def test_salibs_estimator_on_the_same_points() -> None:
     sobol = pytest.importorskip("SALib.analyze.sobol", reason="needs SALib")
     found = sobol_indices(BOX, oracles_ishigami, outputs=("y", "z"), n=N, rng=SEED)
-    at_A, at_B, at_AB = SaltelliSample.draw(3, N, SEED).ask(oracles_ishigami, BOX)
+    at_A, at_B, at_AB = at_saltelli_points(oracles_ishigami, BOX, N, SEED)
     # SALib's layout, point by point: A, AB_1 .. AB_d, B.
     Y = np.stack([at_A[:, 0], *at_AB[..., 0], at_B[:, 0]], axis=1).ravel()
     problem = {"num_vars": 3, "names": list("abc"), "bounds": [[-np.pi, np.pi]] * 3}

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from doe.ledger import Run
 from kolsky.inverse.settings import Settings
-from kolsky.report.pages.studies import render_budget
+from kolsky.report.pages.studies import budget_rows, render_budget
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.realisation import (
     NODES,
@@ -25,14 +25,7 @@ from kolsky.studies.budget.realisation import (
     slopes_of,
 )
 from kolsky.studies.budget.realisation import RealisationOutcome as Outcome
-from kolsky.studies.budget.records import (
-    joint_shares,
-    plan_campaign,
-    printed,
-    shares_of_squares,
-    shot_sigma,
-    slope_half_width,
-)
+from kolsky.studies.budget.records import plan_campaign, shares_of_squares, shot_sigma, slope_half_width
 from kolsky.virtual.schema import Specification
 
 FACTORS = factors_of(
@@ -94,7 +87,7 @@ def test_rule_has_the_moments_of_a_normal_variable() -> None:
 def test_each_source_alone() -> None:
     """Of a z + b z^2 the mean is b, the variance a^2 + 2 b^2, the slope a / sigma; noise is its scatter."""
     points = design(FACTORS, draws=400, together=2000 - 401, seed=1)
-    found = analysed("made up", "m", 1.0, FACTORS, points, made_up(points), 0, 400)
+    found = analysed("made up", "m", 1.0, FACTORS, made_up(points), 0, 400)
     noise, length, sensitivity, damping = found.sources
     assert length.u == pytest.approx(3.0, rel=1e-12)
     assert length.slope == pytest.approx(3.0 / 0.005, rel=1e-12)
@@ -116,14 +109,14 @@ def test_all_at_once_that_does_not_add_up_is_said() -> None:
     runs = made_up(points)
     for run in runs[-40:]:
         run.results[:] *= 3.0
-    assert analysed("made up", "m", 1.0, FACTORS, points, runs, 0, 8).adds_up is False
-    none = analysed("made up", "m", 1.0, FACTORS, points, runs[:-40], 0, 8)
+    assert analysed("made up", "m", 1.0, FACTORS, runs, 0, 8).adds_up is False
+    none = analysed("made up", "m", 1.0, FACTORS, runs[:-40], 0, 8)
     assert none.adds_up is None
 
 
 def test_a_test_that_gave_no_answer_leaves_its_source_unknown() -> None:
     points = design(FACTORS, draws=8, together=0, seed=1)
-    found = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, lost=4), 0, 8)
+    found = analysed("made up", "m", 1.0, FACTORS, made_up(points, lost=4), 0, 8)
     assert np.isnan(found.sources[2].u)
     assert found.sources[2].refused == ("not at rest: why",)
     assert found.sources[1].u == pytest.approx(3.0)
@@ -133,10 +126,10 @@ def test_a_test_that_gave_no_answer_leaves_its_source_unknown() -> None:
 @pytest.mark.parametrize("truth", [1.0, float("nan")])
 def test_a_number_that_is_not_known_is_never_printed_as_nan(truth: float) -> None:
     points = design(FACTORS, draws=8, together=0, seed=1)
-    found = analysed("made up", "stiffness_factor", truth, FACTORS, points, made_up(points, lost=4), 0, 8)
-    lines = printed(found)
+    found = analysed("made up", "stiffness_factor", truth, FACTORS, made_up(points, lost=4), 0, 8)
+    lines = budget_rows(found)
     assert "nan" not in " ".join(f"{key} {value}" for key, value in lines.items()).lower()
-    assert lines["U, all at once"].startswith("not known: 0 answers")
+    assert lines["U (k = 2), all at once, 0 draws"].startswith("not known: 0 answers")
     page = render_budget([found], None)
     assert ">nan<" not in page
 
@@ -144,15 +137,15 @@ def test_a_number_that_is_not_known_is_never_printed_as_nan(truth: float) -> Non
 def test_jumps_are_counted_and_in_no_spread() -> None:
     """Two draws whose whole search ends 0.5 away: named, and the spread is that of the re-fits."""
     points = design(FACTORS, draws=8, together=40, seed=1)
-    still = analysed("made up", "m", 1.0, FACTORS, points, made_up(points), 0, 8)
-    jumped = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, jumps=(20, 31)), 0, 8)
+    still = analysed("made up", "m", 1.0, FACTORS, made_up(points), 0, 8)
+    jumped = analysed("made up", "m", 1.0, FACTORS, made_up(points, jumps=(20, 31)), 0, 8)
     assert jumped.u_together == still.u_together
     assert (len(jumped.elsewhere), jumped.searched) == (2, 40)
     assert jumped.elsewhere == pytest.approx(jumped.together[[4, 15]] + 0.5)
     assert jumped.counts["another valley"] == 2
     assert len(still.elsewhere) == 0
     assert still.closure == pytest.approx(0.0)
-    lost = analysed("made up", "m", 1.0, FACTORS, points, made_up(points, lost=30), 0, 8)
+    lost = analysed("made up", "m", 1.0, FACTORS, made_up(points, lost=30), 0, 8)
     assert len(lost.together) == 39
     assert lost.refused == ("not at rest: why",)
 
@@ -187,37 +180,6 @@ def test_the_phase_of_the_ringing_is_that_of_the_bulk_modulus() -> None:
     one, other = {"stiffness_factor": 1.1, "poisson": 0.49}, {"stiffness_factor": 1.0, "poisson": 0.48}
     assert phase(one) - phase(other) == pytest.approx(np.log(2.2))
     assert phase({"stiffness_factor": 2.0, "damping": 1e-5}) == pytest.approx(np.log(2.0))
-
-
-def test_shares_of_a_straight_line_are_known_exactly() -> None:
-    """m = 1 + 3 z1 - 4 z2: shares 9/25 and 16/25, nothing unexplained, whatever the draws."""
-    z = np.random.default_rng(3).standard_normal((20, 2))
-    found = joint_shares(z, 1.0 + z @ [3.0, -4.0])
-    assert found.slopes == pytest.approx([3.0, -4.0])
-    assert found.shares == pytest.approx([0.36, 0.64])
-    assert found.intervals == pytest.approx(np.array([[0.36, 0.36], [0.64, 0.64]]))
-    assert found.unexplained == pytest.approx(0.0, abs=1e-20)
-    assert joint_shares(z[:6], z[:6, 0]) is None
-    assert joint_shares(np.column_stack([z[:, 0], z[:, 0]]), z[:, 0]) is None
-
-
-def test_bootstrap_of_a_line_has_the_spread_of_least_squares() -> None:
-    """Noise of 0.5 beside a slope of 1: the share is 1 / 1.25, and its interval has the width that
-    var(b) = s^2 / n and var(s^2) = 2 s^4 / (n - 2) give to first order in b^2 / (b^2 + s^2)."""
-    rng = np.random.default_rng(5)
-    n = 400
-    z = rng.standard_normal((n, 1))
-    z = (z - z.mean()) / z.std()
-    noise = rng.standard_normal(n)
-    noise -= noise.mean() + z[:, 0] * (noise @ z[:, 0]) / n
-    noise *= 0.5 * np.sqrt((n - 2) / (noise @ noise))
-    found = joint_shares(z, z[:, 0] + noise)
-    assert found.shares[0] == pytest.approx(0.8, rel=1e-12)
-    assert found.unexplained == pytest.approx(0.2, rel=1e-12)
-    per_b, per_s = 2 * 0.25 / 1.25**2, 1 / 1.25**2  # derivatives of b^2 / (b^2 + v) by b and by v = s^2
-    sigma = np.hypot(per_b * 0.5 / np.sqrt(n), per_s * 0.25 * np.sqrt(2 / (n - 2)))
-    width = found.intervals[0, 1] - found.intervals[0, 0]
-    assert width == pytest.approx(2 * 1.96 * sigma, rel=0.1)  # 2000 resamples: 4 % of an end
 
 
 def test_interval_of_a_share_from_the_draws_of_the_noise() -> None:

@@ -18,7 +18,7 @@ import pytest
 from kolsky_command import json_of
 
 from kolsky.base.errors import InputError
-from kolsky.cli.new import template
+from kolsky.base.files import template_file
 from kolsky.shot.load import load_shot
 from kolsky.virtual import make as make_module
 from kolsky.virtual.make import gpu_batches, make
@@ -219,7 +219,7 @@ def test_the_truth_is_read_by_nothing_else() -> None:
 
 def test_the_template_is_the_defaults() -> None:
     """Every key of the schema stands in the template, in force or as a comment, at its default."""
-    text = template("virtual.toml")
+    text = template_file("virtual.toml")
     written = Specification.model_validate(tomllib.loads(text)).model_dump()
     default = Specification().model_dump()
     assert written.keys() == default.keys()

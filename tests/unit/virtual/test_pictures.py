@@ -139,11 +139,11 @@ def test_pictures_are_the_same_for_a_seed(tmp_path):
 @pytest.mark.parametrize("form", ["tiff", "png", "cine", "mraw"])
 def test_tables_are_those_of_a_shot_file(form, tmp_path):
     q = spec({"format": form, "flyer_side": "left"})
-    made = write_pictures(q, surface(), tmp_path, threads=1)
-    pictures = PicturesSection.model_validate(made.tables["pictures"])
-    target = made.tables["calibration.target"]
-    calibration = CalibrationSection.model_validate({**made.tables["calibration"], "target": target})
-    dic = DicSection.model_validate(made.tables["dic"])
+    tables, cameras = write_pictures(q, surface(), tmp_path, threads=1)
+    pictures = PicturesSection.model_validate(tables["pictures"])
+    target = tables["calibration.target"]
+    calibration = CalibrationSection.model_validate({**tables["calibration"], "target": target})
+    dic = DicSection.model_validate(tables["dic"])
     assert dic.flyer_side == "left"
     assert calibration.distortion == "k1"
     for k, series in enumerate(pictures.cameras):
@@ -151,7 +151,7 @@ def test_tables_are_those_of_a_shot_file(form, tmp_path):
         found = open_pictures(tmp_path / source if key == "file" else (tmp_path / source).parent)
         assert found.n_frames == 5
         assert found.shape == (64, 64)
-        K, dist = np.array(made.answer[k]["K"]), made.answer[k]["dist"]
+        K, dist = np.array(cameras[k]["K"]), cameras[k]["dist"]
         assert K[0, 0] == pytest.approx(64 * 0.305 / 7.2e-3)
         assert dist[0] == (-0.17, -0.16)[k]
     assert len(list((tmp_path / "calibration").iterdir())) == 8
@@ -201,7 +201,7 @@ def test_the_rig_is_recovered_within_its_sigma(kind, tmp_path):
     q = Specification.model_validate(
         {"cameras": {"write": True}, "calibration": {"target": kind, "poses": 14}, "seed": 5}
     )
-    made = write_pictures(q, surface(3), tmp_path)
+    _, cameras = write_pictures(q, surface(3), tmp_path)
     target = target_of(q)
     seen = [
         [
@@ -212,7 +212,7 @@ def test_the_rig_is_recovered_within_its_sigma(kind, tmp_path):
     ]
     found = calibrate(*seen, target, sensors=((512, 512), (512, 512)), distortion="k1", square_pixels=True)
     names, off = list(found.rig.parameter_names), {}
-    for k, (camera, true) in enumerate(zip(found.rig.cameras, made.answer, strict=True)):
+    for k, (camera, true) in enumerate(zip(found.rig.cameras, cameras, strict=True)):
         K = np.array(true["K"])
         off |= {f"fx{k}": camera.fx - K[0, 0], f"cx{k}": camera.cx - K[0, 2], f"cy{k}": camera.cy - K[1, 2]}
         off[f"k1{k}"] = camera.distortion[0] - true["dist"][0]
