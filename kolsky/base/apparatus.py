@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 from typing import Literal
 
+from dic.basics import check_interval
+
 HOLDING_LAW = "bonded"
 """Contact law of faces that neither slide nor separate."""
 LIFTING_LAW = "rough"
@@ -46,7 +48,10 @@ class Specimen:
 
 @dataclass(frozen=True)
 class Bar:
-    """A linear elastic bar, described by its one-dimensional waves."""
+    """A linear elastic bar, described by its one-dimensional waves.
+
+    Raises ValueError if a value is outside its range.
+    """
 
     diameter: float
     """Diameter [m]."""
@@ -60,6 +65,11 @@ class Bar:
     """Poisson's ratio [-]."""
     yield_strength: float | None = None
     """Elastic limit [Pa]; None if unknown."""
+
+    def __post_init__(self) -> None:
+        check_interval("(0, inf) m", diameter=self.diameter, length=self.length)
+        check_interval("(0, inf)", youngs_modulus=self.youngs_modulus, density=self.density)
+        check_interval("[0, 0.5)", poisson=self.poisson)
 
     @property
     def wave_speed(self) -> float:

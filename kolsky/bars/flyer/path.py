@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from dic.basics import check_shape
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
     evidences,
@@ -366,6 +367,8 @@ def fit_flyer(
         impact.
     """
     _check(motion, start)
+    if covariance is not None:
+        check_shape(2 * motion.time.shape, covariance=covariance)
     frame = float(np.median(np.diff(motion.time)))
     t, seen = _without_gaps(motion.time, frame)
     sigma, displacement = np.full(t.size, np.inf), np.zeros(t.size)

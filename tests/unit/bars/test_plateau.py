@@ -282,7 +282,7 @@ def averaged(*values, axis=X, shared=0.0):
 
 
 def test_three_straight_lines_by_hand():
-    made = average({f"t{k}": (X, (10.0 + k) * X, np.full(X.size, 0.1 * k)) for k in (-1, 0, 1)})
+    made = average({f"t{k}": (X, (10.0 + k) * X, np.full(X.size, 0.1 * abs(k))) for k in (-1, 0, 1)})
     np.testing.assert_allclose(made.axis, X, atol=1e-16)
     np.testing.assert_allclose(made.mean, 10.0 * X, rtol=1e-13)
     np.testing.assert_allclose(made.scatter, X, rtol=1e-12)  # of 9, 10, 11: 1
