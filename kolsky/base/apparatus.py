@@ -26,7 +26,7 @@ INCOMPRESSIBLE_WORD = "incompressible"
 
 @dataclass(frozen=True)
 class Specimen:
-    """A right circular cylinder."""
+    """A right circular cylinder. Raises ValueError if a value is negative or not finite."""
 
     diameter: float
     """Diameter [m]."""
@@ -34,6 +34,9 @@ class Specimen:
     """Length along the compression axis [m]."""
     density: float
     """Mass density [kg/m^3]."""
+
+    def __post_init__(self) -> None:
+        check_interval("[0, inf)", diameter=self.diameter, length=self.length, density=self.density)
 
     @property
     def radius(self) -> float:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dic.basics import check_interval
 from dic.views import ResultViews
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -62,6 +63,7 @@ class Treatment:
     numerics: CorrectionNumerics | None = None
 
     def __post_init__(self) -> None:
+        check_interval("[0, inf)", compliance=self.compliance, bulge_sigma=self.bulge_sigma)
         if self.points < FEWEST_POINTS:
             raise ValueError(f"a curve needs at least {FEWEST_POINTS} points, got {self.points}")
         if not 0.0 <= self.scale_sigma < 0.5:
@@ -111,6 +113,8 @@ def reference_curve(
         "first": the first loading ramp of each record. "conditioned": the last of two or more ramps, with
         strains relative to the length before the first pull. A permanent set is part of its toe's offset.
     """
+    if pull not in ("first", "conditioned"):
+        raise ValueError(f"pull must be 'first' or 'conditioned', got {pull!r}")
     if not tests:
         raise ValueError("a reference curve needs at least one test")
     compression = tests[0].compression

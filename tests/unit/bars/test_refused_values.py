@@ -22,7 +22,7 @@ from kolsky.bars.reduction.inertia import compensate_mass, correct_radial_inerti
 from kolsky.bars.reduction.repeated_tests import average
 from kolsky.bars.reduction.separation import separate
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.records import FlyerMotion, FrontVelocity
+from kolsky.base.records import FlyerMotion, ForceHistory, FrontVelocity
 
 BAR = Bar(0.02, 2.0, 210e9, 7800.0, 0.29)
 GUIDE = ElasticWaveguide(BAR)
@@ -85,6 +85,15 @@ def clocks(**change):
         (lambda: flown(over=-1.0), r"over must be in \(0, inf\) s, got -1"),
         (lambda: flown(times_in_row=0), r"times_in_row must be in \[1, inf\), got 0"),
         (lambda: fit_flyer(MOTION, start=5e-5, covariance=np.eye(3)), r"shape \(20, 20\), got \(3, 3\)"),
+        (lambda: fit_flyer(MOTION, start=5e-5, restart=np.nan), "restart must be finite, got nan"),
+        (lambda: replace(MOTION, displacement=X), r"displacement must have the shape \(20,\), got \(5,\)"),
+        (lambda: replace(MOTION, zero_sigma=-1.0), r"zero_sigma must be in \[0, inf\) m, got -1"),
+        (lambda: replace(MOTION, shared_sigma=MOTION.sigma), r"shared_memory must be in \(0, inf\) s, got 0"),
+        (lambda: replace(MOTION, shared_sigma=-MOTION.sigma), r"shared_sigma must be in \[0, inf\) m"),
+        (lambda: replace(MOTION, shared_sigma=X[1:], shared_memory=1.0), r"shared_sigma must have the shape"),
+        (lambda: ForceHistory(X, X, -X), r"sigma of the force must be in \[0, inf\) N"),
+        (lambda: ForceHistory(X, X[1:], X), r"force must have the shape \(5,\), got \(4,\)"),
+        (lambda: replace(CYLINDER, diameter=-0.01), r"diameter must be in \[0, inf\), got -0.01"),
         (lambda: clocks(mass=0.0), r"mass must be in \(0, inf\), got 0"),
         (lambda: clocks(travel=np.nan), r"travel must be in \(0, inf\), got nan"),
         (lambda: clocks(sigma_zero=-1.0), r"sigma_zero must be in \[0, inf\) N, got -1"),

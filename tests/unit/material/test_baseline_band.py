@@ -119,6 +119,11 @@ def test_first_pull_and_conditioned_are_kept_apart():
     assert last.modulus.modulus == pytest.approx(np.full(60, 0.8 * E), rel=2e-3)
     with pytest.raises(ValueError, match="one loading ramp"):
         reference_curve([specimen("a", up, gaussian(up))], Treatment(), pull="conditioned")
+    with pytest.raises(ValueError, match="pull must be 'first' or 'conditioned', got 'last'"):
+        reference_curve(tests, Treatment(), pull="last")  # type: ignore[arg-type]
+    for name in ("compliance", "bulge_sigma"):
+        with pytest.raises(ValueError, match=rf"{name} must be in \[0, inf\), got -1e-07"):
+            Treatment(**{name: -1e-7})
 
 
 def test_machine_in_series_is_taken_off():
