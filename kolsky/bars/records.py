@@ -94,7 +94,10 @@ class Windows:
 
 @dataclass(frozen=True)
 class FaceWaves:
-    """The waves at the bars' faces on the specimen, on one clock: strains, compression positive."""
+    """The waves at the bars' faces on the specimen, on one clock: strains, compression positive.
+
+    Raises ValueError if shapes differ, a value is not finite, times do not increase, or a sigma is negative.
+    """
 
     time: FloatArray
     """Times at the specimen's faces, from the arrival of the incident wave [s], shape [n], uniform."""
@@ -115,6 +118,12 @@ class FaceWaves:
     noise of integrals and means. None if the noise is white with `sigma`."""
     band: float = float("inf")
     """Frequency above which the waves were filtered out [Hz]."""
+
+    def __post_init__(self) -> None:
+        waves = {name: getattr(self, name) for name in ("incident", "reflected", "transmitted")}
+        check_shape((self.time.size,), time=self.time, **waves)
+        check_interval("(0, inf) s", **{"step of the time": np.diff(self.time)})
+        check_interval("[0, inf)", **{f"sigma of {name}": sigma for name, sigma in self.sigma.items()})
 
 
 @dataclass(frozen=True)

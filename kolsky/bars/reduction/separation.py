@@ -61,6 +61,7 @@ def face_waves(
     their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their gauges, if
     available. The windows then only select the part to use.
     """
+    check_interval("(0, inf] Hz", band=inf if band is None else band)
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
         raise ValueError(
@@ -263,6 +264,8 @@ def separate(
     than two stations, if two are at the same place or on different bars, or if records differ in sampling or
     do not overlap.
     """
+    check_interval("(0, inf] Hz", band=inf if band is None else band)
+    check_interval("(-inf, inf] s", end=inf if end is None else end)
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]

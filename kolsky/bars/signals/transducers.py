@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
 from kolsky.bars.signals.baseline import measure_signal_zero
@@ -28,6 +29,7 @@ def compensate_droop(
 ) -> FloatArray:
     """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6)."""
     _check_time_constant(time_constant)
+    check_shape(time.shape, value=value)
     first = int(np.searchsorted(time, start))
     lost = np.zeros(time.size)
     if first < time.size:
@@ -42,6 +44,7 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
     [n].
     """
     _check_time_constant(time_constant)
+    check_interval("[0, inf)", sigma=sigma)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)
     h = np.diff(time[first:]) / time_constant
@@ -56,6 +59,7 @@ def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
     """The signal after a first-order low-pass, Eq. (E.6)."""
     from scipy.linalg import solve_banded  # scipy.signal takes much longer to load
 
+    check_interval("(0, inf)", step=step, frequency=frequency)
     x = 2.0 * np.pi * frequency * step
     decay = np.exp(-x)
     # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.

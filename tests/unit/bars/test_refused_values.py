@@ -17,10 +17,13 @@ from kolsky.bars.flyer.path import fit_flyer
 from kolsky.bars.flyer.synchronisation import synchronise
 from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus
-from kolsky.bars.records import BarSignal, History, Quantity, Signal
+from kolsky.bars.records import BarSignal, FaceWaves, History, Quantity, Signal, Windows
 from kolsky.bars.reduction.inertia import compensate_mass, correct_radial_inertia
 from kolsky.bars.reduction.repeated_tests import average
-from kolsky.bars.reduction.separation import separate
+from kolsky.bars.reduction.separation import face_waves, separate
+from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.signals.baseline import measure_signal_zero
+from kolsky.bars.signals.transducers import compensate_droop, droop_sigma, low_pass
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion, ForceHistory, FrontVelocity
 
@@ -37,6 +40,8 @@ ABC = [replace(A, name=name) for name in "abc"]
 X = np.linspace(0.0, 0.1, 5)
 TEST = (X, X, X)
 FORCE, PLATEN = History(X, X, "N"), Quantity("platen", 0.0, 0.0, "kg", "B")
+WAVES = FaceWaves(X, X, X, X, dict.fromkeys(("incident", "reflected", "transmitted"), 0.1), BAR, BAR)
+WINDOWS = Windows((0.0, 1e-5), (2e-5, 3e-5), (2e-5, 3e-5), "shot file")
 CYLINDER = Specimen(0.01, 0.005, 1000.0)
 
 
@@ -116,6 +121,25 @@ def clocks(**change):
         (lambda: average({"1": TEST, "2": (X[::-1], X, X)}), r"step of the strain of 2 must be in \(0"),
         (lambda: average({"1": TEST, "2": (X, X * np.nan, X)}), "stress of 2 must be finite, got nan at 0"),
         (lambda: average({"1": TEST, "2": (X, X, -X)}), r"sigma of 2 must be in \[0, inf\)"),
+        (lambda: separate([GAUGE, GAUGE], GUIDE, band=np.nan), r"band must be in \(0, inf\] Hz, got nan"),
+        (lambda: separate([GAUGE, GAUGE], GUIDE, end=np.nan), r"end must be in \(-inf, inf\] s, got nan"),
+        (lambda: face_waves(GAUGE, GAUGE, WINDOWS, band=-1.0), r"band must be in \(0, inf\] Hz, got -1"),
+        (lambda: replace(WAVES, time=X[::-1]), r"step of the time must be in \(0, inf\) s"),
+        (lambda: replace(WAVES, reflected=X * np.nan), "reflected must be finite, got nan at 0"),
+        (lambda: replace(WAVES, transmitted=X[1:]), r"transmitted must have the shape \(5,\), got \(4,\)"),
+        (
+            lambda: replace(WAVES, sigma={"incident": -1.0}),
+            r"sigma of incident must be in \[0, inf\)",
+        ),
+        (lambda: reduce(WAVES, CYLINDER, average=-1.0), r"average must be in \[0, inf\) s, got -1"),
+        (lambda: compensate_droop(X, X[1:], 1.0, start=0.0), r"value must have the shape \(5,\), got \(4,\)"),
+        (lambda: droop_sigma(X, -1.0, 1.0, start=0.0), r"sigma must be in \[0, inf\), got -1"),
+        (lambda: low_pass(X, 1e-6, -5.0), r"frequency must be in \(0, inf\), got -5"),
+        (lambda: low_pass(X, 0.0, 5.0), r"step must be in \(0, inf\), got 0"),
+        (
+            lambda: measure_signal_zero(X, X[1:], (0.0, 1.0), name="gauge"),
+            r"gauge must have the shape \(5,\), got \(4,\)",
+        ),
         (lambda: separate([GAUGE], GUIDE), "two gauges or more on a bar, got 1"),
         (lambda: separate([GAUGE, replace(GAUGE, bar=replace(BAR, length=1.0))], GUIDE), "different bars"),
         (lambda: separate([GAUGE, replace(GAUGE, position=-0.1)], GUIDE), r"position must be in \[0, inf\)"),
