@@ -127,10 +127,7 @@ def clocks(**change):
         (lambda: replace(WAVES, time=X[::-1]), r"step of the time must be in \(0, inf\) s"),
         (lambda: replace(WAVES, reflected=X * np.nan), "reflected must be finite, got nan at 0"),
         (lambda: replace(WAVES, transmitted=X[1:]), r"transmitted must have the shape \(5,\), got \(4,\)"),
-        (
-            lambda: replace(WAVES, sigma={"incident": -1.0}),
-            r"sigma of incident must be in \[0, inf\)",
-        ),
+        (lambda: replace(WAVES, sigma={"incident": -1.0}), r"sigma of incident must be in \[0, inf\)"),
         (lambda: reduce(WAVES, CYLINDER, average=-1.0), r"average must be in \[0, inf\) s, got -1"),
         (lambda: compensate_droop(X, X[1:], 1.0, start=0.0), r"value must have the shape \(5,\), got \(4,\)"),
         (lambda: droop_sigma(X, -1.0, 1.0, start=0.0), r"sigma must be in \[0, inf\), got -1"),
