@@ -113,7 +113,7 @@ class ElasticBody:
 
 @dataclass(frozen=True)
 class Transducer:
-    """A force transducer on a scope channel."""
+    """A force transducer on a scope channel. Raises ValueError if a value is outside its range."""
 
     sensitivity: float
     """Output per force, positive [V/N]."""
@@ -123,6 +123,12 @@ class Transducer:
     """Largest |voltage| that the recorder can measure [V]."""
     time_constant: float = inf
     """Time in which the output of a constant force falls to 1/e [s]; inf without droop."""
+
+    def __post_init__(self) -> None:
+        check_interval("(0, inf) V/N", sensitivity=self.sensitivity)
+        check_interval("(0, inf]", full_scale=self.full_scale, time_constant=self.time_constant)
+        if self.compression_sign not in (1, -1):
+            raise ValueError(f"compression_sign must be +1 or -1, got {self.compression_sign}")
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
+from dic.basics import check_interval
 from kolsky.base.errors import InputError
-from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, TOGETHER, Option
+from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, TOGETHER, Option, check_options
 from kolsky.inverse.parameters import PARAMETERS
 
 LEAST_ACROSS = 10
@@ -100,6 +101,9 @@ class Numerics:
     `explicit.run_nearly_incompressible`. None runs the requested ratio directly. Every requested ratio must
     be larger."""
 
+    def __post_init__(self) -> None:
+        check_options(self)
+
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
@@ -172,11 +176,19 @@ class Settings:
     seed: Seed = 1
 
     def __post_init__(self) -> None:
-        if self.pull not in ("first", "conditioned"):
-            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
+        check_options(self)
         clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
         if clash:
             raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")
+
+
+def require_finer(refined: tuple[int, int], mesh: tuple[int, int]) -> None:
+    """Raise ValueError if a refined mesh is not finer than that of the search in both directions."""
+    if not (refined[0] > mesh[0] and refined[1] > mesh[1]):
+        raise ValueError(
+            f"the refined mesh {refined} must be finer than that of the search {mesh}: the mesh error is "
+            "extrapolated from both"
+        )
 
 
 MOST_NODES = 24
@@ -217,6 +229,8 @@ class JointSettings:
     seed: int = 1
 
     def __post_init__(self) -> None:
+        check_options(self)
+        check_interval("[0, inf)", seed=self.seed, replicates=self.replicates)
         if self.curve_nodes and not 4 <= self.curve_nodes <= MOST_NODES:
             raise ValueError(f"curve_nodes must be 0 or 4 to {MOST_NODES}, got {self.curve_nodes}")
         if not 0.0 < self.curve_roughness < 10.0:
@@ -225,11 +239,7 @@ class JointSettings:
             raise ValueError(f"gain_each must be in [0, 1), got {self.gain_each}")
         if self.numerics.compressible is not None:
             raise ValueError("a joint identification runs Poisson's ratio directly: leave the correction out")
-        if not self.refined_mesh[0] > self.numerics.mesh[0]:
-            raise ValueError(
-                f"the refined mesh {self.refined_mesh} must be finer than that of the search "
-                f"{self.numerics.mesh}: the mesh error is extrapolated from both"
-            )
+        require_finer(self.refined_mesh, self.numerics.mesh)
 
     def of_one(self) -> Settings:
         """The free and held parameters as settings for a single shot."""

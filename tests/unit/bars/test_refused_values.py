@@ -24,10 +24,11 @@ from kolsky.bars.reduction.separation import face_waves, separate
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.signals.baseline import measure_signal_zero
 from kolsky.bars.signals.transducers import compensate_droop, droop_sigma, low_pass
-from kolsky.base.apparatus import Bar, Specimen
+from kolsky.base.apparatus import Bar, Specimen, Transducer
 from kolsky.base.records import FlyerMotion, ForceHistory, FrontVelocity
 
 BAR = Bar(0.02, 2.0, 210e9, 7800.0, 0.29)
+FORCE_GAUGE = Transducer(sensitivity=0.01, compression_sign=1, full_scale=1.0)
 GUIDE = ElasticWaveguide(BAR)
 SIGNAL = Signal(0.0, 1e-6, np.zeros(100), 0.1, "1", "incident gauge")
 GAUGE = BarSignal(SIGNAL, BAR, 0.9, "incident")
@@ -63,6 +64,10 @@ def clocks(**change):
         (lambda: replace(BAR, diameter=0.0), r"diameter must be in \(0, inf\) m, got 0"),
         (lambda: replace(BAR, density=np.nan), r"density must be in \(0, inf\), got nan"),
         (lambda: replace(BAR, poisson=0.5), r"poisson must be in \[0, 0.5\), got 0.5"),
+        (lambda: replace(FORCE_GAUGE, sensitivity=-0.01), r"sensitivity must be in \(0, inf\) V/N"),
+        (lambda: replace(FORCE_GAUGE, compression_sign=0), r"compression_sign must be \+1 or -1, got 0"),
+        (lambda: replace(FORCE_GAUGE, full_scale=0.0), r"full_scale must be in \(0, inf\], got 0"),
+        (lambda: replace(FORCE_GAUGE, time_constant=-1.0), r"time_constant must be in \(0, inf\], got -1"),
         (lambda: replace(SIGNAL, interval=0.0), r"interval of incident gauge must be in \(0, inf\) s, got 0"),
         (lambda: replace(SIGNAL, value=np.append(X, np.nan)), "incident gauge must be finite, got nan at 5"),
         (lambda: replace(SIGNAL, value=np.zeros((2, 3))), r"must have the shape \(6,\), got \(2, 3\)"),
