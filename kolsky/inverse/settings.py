@@ -53,7 +53,10 @@ Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED
 
 @dataclass(frozen=True)
 class Numerics:
-    """Numerical choices of a run; they are part of every result's provenance."""
+    """Numerical choices of a run; they are part of every result's provenance.
+
+    Raises ValueError if a choice is unknown or a number outside its range.
+    """
 
     mesh: Mesh = (20, 27)
     grading: float = 2.0
@@ -139,7 +142,10 @@ class Numerics:
 
 @dataclass(frozen=True)
 class Settings:
-    """Free parameters, held parameters and numerical choices of an identification."""
+    """Free parameters, held parameters and numerical choices of an identification.
+
+    Raises ValueError if a choice is unknown, a number outside its range, or a parameter both free and held.
+    """
 
     free: Annotated[
         FreeParameters | None,
@@ -196,7 +202,10 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics."""
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics.
+
+    Raises ValueError if a number is outside its range, or if the refined mesh is not finer.
+    """
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and bounds, None for default ones. Default: those free in every shot."""

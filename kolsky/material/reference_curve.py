@@ -44,7 +44,10 @@ FEWEST_POINTS = 8
 
 @dataclass(frozen=True)
 class Treatment:
-    """Declared treatment of the tests. No part of it is derived from the data."""
+    """Declared treatment of the tests. No part of it is derived from the data.
+
+    Raises ValueError if a value is outside its range, or if the specimen's size is missing.
+    """
 
     toe: Toe = field(default_factory=Toe)
     compliance: float = 0.0
@@ -99,9 +102,9 @@ def reference_curve(
 
     The order is: compliance, choice of the ramp, toe, mean with its band, end friction.
 
-    Raises ValueError if the tests differ in branch, if a record has no such ramp, or if a toe cannot be
-    found. The same error is raised if the tests have no range of strain in common, if friction is declared
-    for a tension test, or if friction cannot be removed.
+    Raises ValueError if the pull is unknown, if the tests differ in branch, if a record has no such ramp, or
+    if a toe cannot be found. The same error is raised if the tests have no range of strain in common, if
+    friction is declared for a tension test, or if friction cannot be removed.
 
     Parameters
     ----------

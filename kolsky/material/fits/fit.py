@@ -241,7 +241,7 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law do not fit together. The message gives the reason.
+    Raises ValueError if an option is outside its range, or if the tests and the law do not fit together.
 
     Returns: the best minimum of all starts. `outcome` states whether the data determine it.
 
