@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dic.basics import check_interval, check_shape
 from dic.outcome import FrameOutcome
 from kolsky.bars.audit import Switches, correction_of
 from kolsky.bars.budget import propagate
@@ -150,16 +149,3 @@ def clocks(**change):
 def test_a_value_outside_its_range_is_refused(call, message):
     with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
         call()
-
-
-def test_the_ends_of_an_interval():
-    for allowed, ends in (("[0, 1] s", (0.0, 1.0)), ("[0, 1)", (0.0,)), ("(0, 1]", (1.0,)), ("(0, 1)", ())):
-        for value in (0.0, 1.0):
-            if value in ends:
-                check_interval(allowed, x=value)
-            else:
-                with pytest.raises(ValueError, match=f"got {value:g}$"):
-                    check_interval(allowed, x=value)
-    check_interval("(0, 1)", x=[], y=0.5)
-    with pytest.raises(ValueError, match="y must be finite, got nan at 1, 0"):
-        check_shape((2, 1), x=np.zeros((2, 1)), y=[[0.0], [np.nan]])
