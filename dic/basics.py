@@ -1,13 +1,14 @@
-"""Array types, robust statistics, and OpenCV loaded at its first use.
+"""Array types, checks of values, robust statistics, and OpenCV loaded at its first use.
 
 OpenCV (160 MB) is needed for pictures only; results are read, compared and shown without it. Use `from
 dic.basics import cv2`, which imports OpenCV when one of its names is used.
 """
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["BoolArray", "ComplexArray", "FloatArray", "IntArray"]
 
@@ -39,6 +40,35 @@ def check_fields(record: object, **checks: tuple[bool, str]) -> None:
     for name, (right, allowed) in checks.items():
         if not right:
             raise ValueError(f"{name} must be {allowed}, got {getattr(record, name)}")
+
+
+_INTERVAL = re.compile(r"([\[(])(.+), (.+)([)\]])")
+
+
+def check_interval(allowed: str, **values: ArrayLike) -> None:
+    """Raise ValueError for the first value outside an interval; NaN is outside every one.
+
+    ``allowed``: the interval and its unit, e.g. "[0, inf) kg". ``values``: numbers or arrays, by their names.
+    """
+    ends = _INTERVAL.match(allowed)
+    assert ends is not None
+    for name, value in values.items():
+        x = np.asarray(value, dtype=np.float64)
+        above = x >= float(ends[2]) if ends[1] == "[" else x > float(ends[2])
+        right = above & (x <= float(ends[3]) if ends[4] == "]" else x < float(ends[3]))
+        if not right.all():
+            at = tuple(int(i) for i in np.unravel_index(int(np.argmin(right)), x.shape))
+            words = f"in {allowed}".replace("in (-inf, inf)", "finite")
+            where = f" at {', '.join(map(str, at))}" if at else ""
+            raise ValueError(f"{name} must be {words}, got {x[at]:g}{where}")
+
+
+def check_shape(shape: tuple[int, ...], **arrays: ArrayLike) -> None:
+    """Raise ValueError for the first array of another shape, or with a value that is not finite."""
+    for name, array in arrays.items():
+        if np.shape(array) != shape:
+            raise ValueError(f"{name} must have the shape {shape}, got {np.shape(array)}")
+    check_interval("(-inf, inf)", **arrays)
 
 
 def zncc(f: FloatArray, g: FloatArray) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dic.basics import FloatArray
+from dic.basics import FloatArray, check_shape
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "skew", "k1", "k2", "p1", "p2", "k3")
 """Names of a camera's intrinsic parameters, in the order of the covariance."""
@@ -24,7 +24,8 @@ class Camera:
     Raises
     ------
     ValueError
-        If a focal length is not positive, a matrix is not a rotation, or a number is not finite.
+        If a focal length is not positive, a matrix is not a rotation, a shape is wrong, or a number is not
+        finite.
 
     Examples
     --------
@@ -53,11 +54,12 @@ class Camera:
     """Columns and rows of the pictures that the parameters refer to [px]."""
 
     def __post_init__(self) -> None:
+        check_shape((5,), distortion=self.distortion)
+        check_shape((3, 3), rotation=self.rotation)
+        check_shape((3,), translation=self.translation)
         numbers = np.array([self.fx, self.fy, self.cx, self.cy, self.skew, *self.distortion])
-        if not np.all(np.isfinite(numbers)) or not np.all(np.isfinite(self.translation)):
-            raise ValueError(
-                f"a camera's parameters must be finite, got {numbers} and t = {self.translation}"
-            )
+        if not np.all(np.isfinite(numbers)):
+            raise ValueError(f"a camera's parameters must be finite, got {numbers}")
         if self.fx <= 0.0 or self.fy <= 0.0:
             raise ValueError(f"focal lengths must be positive, got fx = {self.fx}, fy = {self.fy} px")
         off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()

@@ -63,7 +63,7 @@ from kolsky.inverse.joint_search import (
     with_patterns_and_scatter,
 )
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, reference_words, require_declared
+from kolsky.inverse.parameters import MOVED, PARAMETERS, reference_words, require_declared
 from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
 from kolsky.inverse.result import Estimate
 from kolsky.inverse.settings import JointSettings
@@ -444,8 +444,6 @@ def _shared_bounds(
         require_declared(bounds, ready.shot)
     if settings.curve_nodes:
         bounds.pop(MOVED, None)
-    for name, value in settings.held.items():
-        checked_value(name, value)
     if not bounds and not settings.curve_nodes:
         raise ValueError("nothing is free in all of the shots")
     return bounds

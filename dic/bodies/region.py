@@ -79,7 +79,7 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError if the
     step is below 1, if the margin is negative, or if no point remains.
     """
-    if step < 1 or margin < 0.0:
+    if not (step >= 1 and margin >= 0.0):
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")
     rows, columns = np.nonzero(mask)
     if rows.size == 0:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.basics import BoolArray, FloatArray, IntArray, check_fields
+from dic.basics import BoolArray, FloatArray, IntArray, check_fields, check_shape
 from dic.bodies.region import grid_points
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape, apply, overlap_correlation
@@ -73,7 +73,7 @@ class FullFieldSettings:
         check_fields(
             self,
             step=(self.step >= 1, "at least 1 px"),
-            margin=(self.margin >= 0.0, "not negative"),
+            margin=(0.0 <= self.margin < np.inf, "not negative"),
             strain_window=(self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
             strain_order=(self.strain_order in (1, 2), "1 or 2"),
             reference=(self.reference >= 0, "a frame number from 0"),
@@ -100,8 +100,9 @@ class Extensometer:
     """Side of the square of points that determine the position of an end [points], odd."""
 
     def __post_init__(self) -> None:
-        if self.window < 3 or self.window % 2 == 0:
+        if not (self.window >= 3 and self.window % 2 == 1):
             raise ValueError(f"window must be odd and at least 3 points, got {self.window}")
+        check_shape((2, 2), **{f"ends of the extensometer {self.name}": self.ends})
         if self.ends[0] == self.ends[1]:
             raise ValueError(f"the ends of the extensometer {self.name} are one place: {self.ends[0]} px")
 

@@ -135,7 +135,7 @@ class StrainGauge:
     """Order of the polynomial: 1 or 2."""
 
     def __post_init__(self) -> None:
-        if self.window < 3 or self.window % 2 == 0:
+        if not (self.window >= 3 and self.window % 2 == 1):
             raise ValueError(f"window must be odd and at least 3 points, got {self.window}")
         if not (self.step > 0.0 and self.subset > 0.0):
             raise ValueError(f"step and subset must be positive [px], got {self.step} and {self.subset}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, check_interval
 from dic.outcome import PointOutcome
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces.cylinder import SpecimenFrame
@@ -146,8 +146,10 @@ def centre_line(
     Raises
     ------
     ValueError
-        If `half_width` is not positive, or a valid point of the strip is not on the camera side of the axis.
+        If `half_width` is not positive, if a position of the axis is not finite, or if a valid point of the
+        strip is not on the camera side of the axis.
     """
+    check_interval("(-inf, inf)", axis_x=axis_x, axis_Z=axis_Z)
     if not (np.isfinite(half_width) and half_width > 0.0):
         raise ValueError(f"half_width must be a positive length in metres, got {half_width}")
     position = surface.position

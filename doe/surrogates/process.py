@@ -290,6 +290,8 @@ class ProcessSurrogate(ComponentSurrogate):
         not finite, if there are too few runs, or if they do not determine a linear trend.
         """
         x, y = checked_runs(box, points, responses)
+        if not len(x):
+            raise SurrogateError("a surrogate needs runs, got none")
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         u, groups = box.unit(x), _groups(components.scores(y))
         comparable = like is not None and len(like.processes) == len(groups)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.basics import check_interval
 from kolsky.bars.records import Correction
 from kolsky.base.arrays import BoolArray, FloatArray
 
@@ -32,10 +33,20 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Switches:
-    """Switches of the corrections. A switch that is not given has its default from `CORRECTIONS`."""
+    """Switches of the corrections. A switch that is not given has its default from `CORRECTIONS`.
+
+    Raises ValueError if a key is unknown or a value is not true or false.
+    """
 
     stated: Mapping[str, bool] = field(default_factory=dict)
     """Switches that were given, by the keys of `CORRECTIONS`."""
+
+    def __post_init__(self) -> None:
+        for key, value in self.stated.items():
+            if key not in CORRECTIONS:
+                raise ValueError(f"no correction is called {key!r}; known are {', '.join(CORRECTIONS)}")
+            if not isinstance(value, bool):
+                raise ValueError(f"switch {key!r} must be true or false, got {value!r}")
 
     def __getitem__(self, key: str) -> bool:
         return self.stated.get(key, CORRECTIONS[key][0])
@@ -52,8 +63,10 @@ def correction_of(
     """The entry for a correction, applied or not, with the size of the change, shape [n], in `unit`.
 
     ``name``: name of the correction, e.g. "dispersion, incident wave". ``key``: its switch in `CORRECTIONS`.
-    ``reason``: the reason, with the values used, in one sentence.
+    ``reason``: the reason, with the values used, in one sentence. Raises ValueError if a change is not
+    finite.
     """
+    check_interval("(-inf, inf)", **{name: change})
     size = float(np.abs(change).max(initial=0.0))
     rms = float(np.sqrt(np.mean(change**2))) if change.size else 0.0
     return Correction(name, key, applied, size, rms, unit, reason)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
+from dic.basics import check_interval
 from kolsky.bars.records import BudgetTable, Contribution, History, Quantity
 from kolsky.base.arrays import FloatArray
 
@@ -40,11 +41,25 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 def correlation_matrix(
     quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
 ) -> FloatArray:
-    """Coefficients by pairs of names as a matrix, shape [n, n]."""
+    """Coefficients by pairs of names as a matrix, shape [n, n].
+
+    Raises ValueError if a name is unknown or occurs twice, or if there are no such quantities.
+    """
     place = {q.name: i for i, q in enumerate(quantities)}
+    if len(place) < len(quantities):
+        raise ValueError("a quantity occurs twice; cure: `merge_quantities`")
     R = np.eye(len(place))
     for (one, other), r in correlations.items():
+        if one == other or not {one, other} <= set(place):
+            raise ValueError(f"correlation of {one!r} and {other!r}: must be two of {', '.join(place)}")
+        check_interval("[-1, 1]", **{f"correlation of {one} and {other}": r})
         R[place[one], place[other]] = R[place[other], place[one]] = r
+    lowest = float(np.linalg.eigvalsh(R)[0]) if R.size else 0.0
+    if lowest < -1e-9:  # round-off
+        raise ValueError(
+            f"the correlations contradict each other: their matrix has the eigenvalue {lowest:.3g}, all must"
+            " be >= 0; if they were rounded, state more digits"
+        )
     return R
 
 
@@ -99,7 +114,11 @@ class Budget:
             return np.where(under > 0.0, u**4 / under, np.inf)
 
     def coverage_factor(self, output: str, probability: float = 0.95) -> FloatArray:
-        """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...]."""
+        """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...].
+
+        Raises ValueError if the probability is not inside (0, 1).
+        """
+        check_interval("(0, 1)", probability=probability)
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
         from scipy.stats import t as student  # heavy
 
@@ -172,7 +191,8 @@ def propagate(
     the model's round-off, a jump (e.g. of a window by one sample) and a strong nonlinearity. The model is run
     2 n + 3 times.
 
-    Raises ValueError if the steps disagree, if the model fails at a varied value, or if an output is not
+    Raises ValueError if a quantity occurs twice, if the correlations or the noise are impossible, or if the
+    steps disagree. The same error is raised if the model fails at a varied value, or if an output is not
     finite or changes its shape.
 
     ``model``: from values by name to outputs, which must keep their shapes. ``quantities``: inputs with their
@@ -185,6 +205,9 @@ def propagate(
     R = correlation_matrix(quantities, correlations or {})
     best = {q.name: q.value for q in quantities}
     value = outputs(model, best, "the best estimates", None)
+    if stray := set(noise or {}) - set(value):
+        raise ValueError(f"noise of {stray.pop()!r}: no output is called so; there are {', '.join(value)}")
+    check_interval("[0, inf)", **{f"noise of {name}": sigma for name, sigma in (noise or {}).items()})
     noises = {
         name: np.array(np.broadcast_to(np.asarray((noise or {}).get(name, 0.0), dtype=float), output.shape))
         for name, output in value.items()

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.basics import check_interval, check_shape
 from dic.views import ResultViews
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
@@ -25,7 +26,10 @@ _SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_veloci
 
 @dataclass(frozen=True)
 class Signal:
-    """A uniformly sampled quantity. Sample i belongs to the time ``start + i * interval``."""
+    """A uniformly sampled quantity. Sample i belongs to the time ``start + i * interval``.
+
+    Raises ValueError if the interval is not positive, or if a number is not finite.
+    """
 
     start: float
     """Time of the first sample on the shot's clock [s]."""
@@ -41,6 +45,12 @@ class Signal:
     """Its name, e.g. "incident gauge"."""
     memory: float = 1.0
     """Samples per independent one [-]: 1 for white noise, more for correlated noise."""
+
+    def __post_init__(self) -> None:
+        name = self.name or "the signal"
+        check_interval("(0, inf) s", **{f"interval of {name}": self.interval})
+        check_interval("[0, inf)", **{f"sigma of {name}": self.sigma, f"memory of {name}": self.memory})
+        check_shape((self.value.size,), **{name: self.value})
 
     @property
     def time(self) -> FloatArray:
@@ -84,7 +94,10 @@ class Windows:
 
 @dataclass(frozen=True)
 class FaceWaves:
-    """The waves at the bars' faces on the specimen, on one clock: strains, compression positive."""
+    """The waves at the bars' faces on the specimen, on one clock: strains, compression positive.
+
+    Raises ValueError if shapes differ, a value is not finite, times do not increase, or a sigma is negative.
+    """
 
     time: FloatArray
     """Times at the specimen's faces, from the arrival of the incident wave [s], shape [n], uniform."""
@@ -105,6 +118,12 @@ class FaceWaves:
     noise of integrals and means. None if the noise is white with `sigma`."""
     band: float = float("inf")
     """Frequency above which the waves were filtered out [Hz]."""
+
+    def __post_init__(self) -> None:
+        waves = {name: getattr(self, name) for name in ("incident", "reflected", "transmitted")}
+        check_shape((self.time.size,), time=self.time, **waves)
+        check_interval("(0, inf) s", **{"step of the time": np.diff(self.time)})
+        check_interval("[0, inf)", **{f"sigma of {name}": sigma for name, sigma in self.sigma.items()})
 
 
 @dataclass(frozen=True)
@@ -169,7 +188,10 @@ class Correction:
 
 @dataclass(frozen=True)
 class Quantity:
-    """An input of the uncertainty budget (GUM 4.1)."""
+    """An input of the uncertainty budget (GUM 4.1).
+
+    Raises ValueError if a number is impossible or the kind is unknown.
+    """
 
     name: str
     """Its name, e.g. "incident bar, Young's modulus"."""
@@ -182,6 +204,13 @@ class Quantity:
     """"A" for repeated observations, "B" for a certificate, a resolution or a judgement."""
     freedom: float = float("inf")
     """Degrees of freedom of the standard uncertainty."""
+
+    def __post_init__(self) -> None:
+        check_interval("(-inf, inf)", **{self.name: self.value})
+        check_interval("[0, inf)", **{f"{self.name}: sigma": self.sigma})
+        check_interval("[1, inf]", **{f"{self.name}: freedom": self.freedom})
+        if self.kind not in ("A", "B"):
+            raise ValueError(f"{self.name}: kind must be 'A' or 'B', got {self.kind!r}")
 
 
 def histories(reduction: Reduction) -> dict[str, History]:

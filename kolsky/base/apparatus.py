@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 from typing import Literal
 
+from dic.basics import check_interval
+
 HOLDING_LAW = "bonded"
 """Contact law of faces that neither slide nor separate."""
 LIFTING_LAW = "rough"
@@ -24,7 +26,7 @@ INCOMPRESSIBLE_WORD = "incompressible"
 
 @dataclass(frozen=True)
 class Specimen:
-    """A right circular cylinder."""
+    """A right circular cylinder. Raises ValueError if a value is negative or not finite."""
 
     diameter: float
     """Diameter [m]."""
@@ -32,6 +34,9 @@ class Specimen:
     """Length along the compression axis [m]."""
     density: float
     """Mass density [kg/m^3]."""
+
+    def __post_init__(self) -> None:
+        check_interval("[0, inf)", diameter=self.diameter, length=self.length, density=self.density)
 
     @property
     def radius(self) -> float:
@@ -46,7 +51,10 @@ class Specimen:
 
 @dataclass(frozen=True)
 class Bar:
-    """A linear elastic bar, described by its one-dimensional waves."""
+    """A linear elastic bar, described by its one-dimensional waves.
+
+    Raises ValueError if a value is outside its range.
+    """
 
     diameter: float
     """Diameter [m]."""
@@ -60,6 +68,11 @@ class Bar:
     """Poisson's ratio [-]."""
     yield_strength: float | None = None
     """Elastic limit [Pa]; None if unknown."""
+
+    def __post_init__(self) -> None:
+        check_interval("(0, inf) m", diameter=self.diameter, length=self.length)
+        check_interval("(0, inf)", youngs_modulus=self.youngs_modulus, density=self.density)
+        check_interval("[0, 0.5)", poisson=self.poisson)
 
     @property
     def wave_speed(self) -> float:
@@ -100,7 +113,7 @@ class ElasticBody:
 
 @dataclass(frozen=True)
 class Transducer:
-    """A force transducer on a scope channel."""
+    """A force transducer on a scope channel. Raises ValueError if a value is outside its range."""
 
     sensitivity: float
     """Output per force, positive [V/N]."""
@@ -110,6 +123,12 @@ class Transducer:
     """Largest |voltage| that the recorder can measure [V]."""
     time_constant: float = inf
     """Time in which the output of a constant force falls to 1/e [s]; inf without droop."""
+
+    def __post_init__(self) -> None:
+        check_interval("(0, inf) V/N", sensitivity=self.sensitivity)
+        check_interval("(0, inf]", full_scale=self.full_scale, time_constant=self.time_constant)
+        if self.compression_sign not in (1, -1):
+            raise ValueError(f"compression_sign must be +1 or -1, got {self.compression_sign}")
 
 
 @dataclass(frozen=True)

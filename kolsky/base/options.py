@@ -1,9 +1,12 @@
 """A setting as a command-line option, independent of any command-line library."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
+
+from dic.basics import check_interval
 
 COMMAND_LINE = Path("command line")
 """Place of an `InputError` about an option."""
@@ -40,6 +43,20 @@ class Option:
     """Converts an option's text, given the option and the text. Raises InputError."""
     on: Callable[[], Any] | None = None
     """Value of a switch if it is given. None: True."""
+
+
+def check_options(settings: Any) -> None:
+    """Raise ValueError for a field of settings outside the range of its option or the choices of its type."""
+    for field in fields(settings):
+        value, (kind, *more) = getattr(settings, field.name), get_args(field.type) or (field.type,)
+        if value is None:
+            continue
+        literal = [get_args(part) for part in (kind, *get_args(kind)) if get_origin(part) is Literal]
+        if literal and value not in literal[0]:
+            raise ValueError(f"{field.name} must be one of {', '.join(literal[0])}, got {value!r}")
+        for option in more:
+            if isinstance(option, Option) and option.min is not None:
+                check_interval(f"[{option.min:g}, {option.max or inf:g}]", **{field.name: value})
 
 
 NUMERICAL = "Mesh and solver"

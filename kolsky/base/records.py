@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dic.basics import check_interval, check_shape
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -38,7 +39,10 @@ class Recording:
 
 @dataclass(frozen=True)
 class ForceHistory:
-    """A force on the shot's clock, compression-positive."""
+    """A force on the shot's clock, compression-positive.
+
+    Raises ValueError if shapes differ, a value is not finite, or a sigma is negative.
+    """
 
     time: FloatArray
     """Sample times on the shot's clock [s], shape [n]."""
@@ -47,10 +51,17 @@ class ForceHistory:
     sigma: FloatArray
     """Standard deviation of each sample's noise [N], shape [n]."""
 
+    def __post_init__(self) -> None:
+        check_shape((self.time.size,), time=self.time, force=self.force, **{"sigma of the force": self.sigma})
+        check_interval("[0, inf) N", **{"sigma of the force": self.sigma})
+
 
 @dataclass(frozen=True)
 class FlyerMotion:
-    """The flyer's measured displacement toward the specimen."""
+    """The flyer's measured displacement toward the specimen. A failed frame has no row.
+
+    Raises ValueError if shapes differ, a value is not finite, or a sigma is not positive.
+    """
 
     time: FloatArray
     """Frame times on the shot's clock [s], shape [n]."""
@@ -68,6 +79,18 @@ class FlyerMotion:
     """Correlation time, in which the correlation of that error falls to 1/e [s]."""
     notes: tuple[str, ...] = ()
     """Warnings about its record, one sentence each."""
+
+    def __post_init__(self) -> None:
+        shape = (self.time.size,)
+        check_shape(
+            shape, time=self.time, displacement=self.displacement, **{"sigma of the flyer": self.sigma}
+        )
+        check_interval("(0, inf) m", **{"sigma of the flyer": self.sigma})
+        check_interval("[0, inf) m", zero_sigma=self.zero_sigma)
+        if self.shared_sigma is not None and np.any(self.shared_sigma):
+            check_shape(shape, shared_sigma=self.shared_sigma)
+            check_interval("[0, inf) m", shared_sigma=self.shared_sigma)
+            check_interval("(0, inf) s", shared_memory=self.shared_memory)
 
 
 @dataclass(frozen=True)

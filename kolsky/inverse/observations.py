@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.basics import check_interval
 from explicit import Response
 from kolsky.bars.signals.transducers import CAMERA_FRAME, ForceBins, bin_force
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -50,8 +51,9 @@ def radius_at(
     Raises
     ------
     ValueError
-        If a node is not finite, or if a frame has no free surface.
+        If a node is not finite, if a frame has no free surface, or if a row is not one of the surface's.
     """
+    check_interval(f"[0, {len(surface_r) - 1}]", frame=frame)
     if not (np.isfinite(surface_r).all() and np.isfinite(surface_y).all()):
         raise ValueError("the surface has nodes that are not finite; leave out simulations that ended early")
     first, last = free_part(surface_y)

@@ -32,8 +32,8 @@ from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, coarser_graded, curve_replicates, graded, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
-from kolsky.inverse.parameters import PARAMETERS, design_box, slides
-from kolsky.inverse.settings import Numerics, Settings
+from kolsky.inverse.parameters import PARAMETERS, checked_value, design_box, parameter, slides
+from kolsky.inverse.settings import Numerics, Settings, require_finer
 from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot
@@ -206,7 +206,14 @@ class Freed:
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
-    """Choose the free parameters that the settings leave open. Raises ValueError if nothing would be free."""
+    """Choose the free parameters that the settings leave open.
+
+    Raises ValueError if nothing would be free, or if a held parameter is unknown or outside its range.
+    """
+    for name, value in settings.held.items():
+        checked_value(name, value)
+    for name in settings.hold:
+        parameter(name)
     if settings.free is not None:
         return Freed(settings, by_default=False, reasons={})
     relaxing = () if shot.relaxation is None else shot.relaxation.free_names
@@ -251,7 +258,8 @@ class InverseProblem:
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
-        """The problem of a loaded shot; ValueError for unusable recordings, names or bounds."""
+        """The problem of a loaded shot; ValueError for unusable data, names, bounds or meshes."""
+        require_finer(settings.refined_mesh, settings.numerics.mesh)
         prepared = prepare_shot(with_pull(shot, settings.pull))
         return cls.freeing(prepared, choose(settings, prepared.shot))
 

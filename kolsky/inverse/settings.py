@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
+from dic.basics import check_interval
 from kolsky.base.errors import InputError
-from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, TOGETHER, Option
+from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, TOGETHER, Option, check_options
 from kolsky.inverse.parameters import PARAMETERS
 
 LEAST_ACROSS = 10
@@ -52,7 +53,10 @@ Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED
 
 @dataclass(frozen=True)
 class Numerics:
-    """Numerical choices of a run; they are part of every result's provenance."""
+    """Numerical choices of a run; they are part of every result's provenance.
+
+    Raises ValueError if a choice is unknown or a number outside its range.
+    """
 
     mesh: Mesh = (20, 27)
     grading: float = 2.0
@@ -100,6 +104,9 @@ class Numerics:
     `explicit.run_nearly_incompressible`. None runs the requested ratio directly. Every requested ratio must
     be larger."""
 
+    def __post_init__(self) -> None:
+        check_options(self)
+
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
@@ -135,7 +142,10 @@ class Numerics:
 
 @dataclass(frozen=True)
 class Settings:
-    """Free parameters, held parameters and numerical choices of an identification."""
+    """Free parameters, held parameters and numerical choices of an identification.
+
+    Raises ValueError if a choice is unknown, a number outside its range, or a parameter both free and held.
+    """
 
     free: Annotated[
         FreeParameters | None,
@@ -172,11 +182,19 @@ class Settings:
     seed: Seed = 1
 
     def __post_init__(self) -> None:
-        if self.pull not in ("first", "conditioned"):
-            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
+        check_options(self)
         clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
         if clash:
             raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")
+
+
+def require_finer(refined: tuple[int, int], mesh: tuple[int, int]) -> None:
+    """Raise ValueError if a refined mesh is not finer than that of the search in both directions."""
+    if not (refined[0] > mesh[0] and refined[1] > mesh[1]):
+        raise ValueError(
+            f"the refined mesh {refined} must be finer than that of the search {mesh}: the mesh error is "
+            "extrapolated from both"
+        )
 
 
 MOST_NODES = 24
@@ -184,7 +202,10 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics."""
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics.
+
+    Raises ValueError if a number is outside its range, or if the refined mesh is not finer.
+    """
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and bounds, None for default ones. Default: those free in every shot."""
@@ -217,6 +238,8 @@ class JointSettings:
     seed: int = 1
 
     def __post_init__(self) -> None:
+        check_options(self)
+        check_interval("[0, inf)", seed=self.seed, replicates=self.replicates)
         if self.curve_nodes and not 4 <= self.curve_nodes <= MOST_NODES:
             raise ValueError(f"curve_nodes must be 0 or 4 to {MOST_NODES}, got {self.curve_nodes}")
         if not 0.0 < self.curve_roughness < 10.0:
@@ -225,11 +248,7 @@ class JointSettings:
             raise ValueError(f"gain_each must be in [0, 1), got {self.gain_each}")
         if self.numerics.compressible is not None:
             raise ValueError("a joint identification runs Poisson's ratio directly: leave the correction out")
-        if not self.refined_mesh[0] > self.numerics.mesh[0]:
-            raise ValueError(
-                f"the refined mesh {self.refined_mesh} must be finer than that of the search "
-                f"{self.numerics.mesh}: the mesh error is extrapolated from both"
-            )
+        require_finer(self.refined_mesh, self.numerics.mesh)
 
     def of_one(self) -> Settings:
         """The free and held parameters as settings for a single shot."""

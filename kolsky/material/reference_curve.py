@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dic.basics import check_interval
 from dic.views import ResultViews
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -43,7 +44,10 @@ FEWEST_POINTS = 8
 
 @dataclass(frozen=True)
 class Treatment:
-    """Declared treatment of the tests. No part of it is derived from the data."""
+    """Declared treatment of the tests. No part of it is derived from the data.
+
+    Raises ValueError if a value is outside its range, or if the specimen's size is missing.
+    """
 
     toe: Toe = field(default_factory=Toe)
     compliance: float = 0.0
@@ -62,6 +66,7 @@ class Treatment:
     numerics: CorrectionNumerics | None = None
 
     def __post_init__(self) -> None:
+        check_interval("[0, inf)", compliance=self.compliance, bulge_sigma=self.bulge_sigma)
         if self.points < FEWEST_POINTS:
             raise ValueError(f"a curve needs at least {FEWEST_POINTS} points, got {self.points}")
         if not 0.0 <= self.scale_sigma < 0.5:
@@ -97,9 +102,9 @@ def reference_curve(
 
     The order is: compliance, choice of the ramp, toe, mean with its band, end friction.
 
-    Raises ValueError if the tests differ in branch, if a record has no such ramp, or if a toe cannot be
-    found. The same error is raised if the tests have no range of strain in common, if friction is declared
-    for a tension test, or if friction cannot be removed.
+    Raises ValueError if the pull is unknown, if the tests differ in branch, if a record has no such ramp, or
+    if a toe cannot be found. The same error is raised if the tests have no range of strain in common, if
+    friction is declared for a tension test, or if friction cannot be removed.
 
     Parameters
     ----------
@@ -111,6 +116,8 @@ def reference_curve(
         "first": the first loading ramp of each record. "conditioned": the last of two or more ramps, with
         strains relative to the length before the first pull. A permanent set is part of its toe's offset.
     """
+    if pull not in ("first", "conditioned"):
+        raise ValueError(f"pull must be 'first' or 'conditioned', got {pull!r}")
     if not tests:
         raise ValueError("a reference curve needs at least one test")
     compression = tests[0].compression

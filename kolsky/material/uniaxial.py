@@ -29,6 +29,7 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from dic.basics import check_interval, check_shape
 from kolsky.base.arrays import FloatArray
 
 REVERSAL = 0.05
@@ -335,8 +336,11 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
     samples, which are small for a smooth curve.
 
     ``strain``, ``value``: samples in any order [-] and [Pa], shape [n], at least three. ``axis``: ascending
-    places inside their range, shape [m], at least two.
+    places inside their range, shape [m], at least two. Raises ValueError if a place is outside this range, or
+    if a value is not finite.
     """
+    check_shape(strain.shape, strain=strain, value=value)
+    check_interval(f"[{strain.min()}, {strain.max()}]", axis=axis)
     order = np.argsort(strain, kind="stable")
     x, y = strain[order], value[order]
     half = 0.5 * np.median(np.diff(axis))

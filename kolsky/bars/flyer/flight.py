@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from dic.basics import check_interval, check_shape
 from dic.bodies.body_motion import BodyMotion
 from dic.outcome import FrameOutcome
 from dic.processes import run_parallel
@@ -79,8 +80,9 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
     With fewer than three poses at rest, the flyer is assumed to have rested at its first poses, within
-    `UNSEEN` and `UNTURNED`.
+    `UNSEEN` and `UNTURNED`. Raises ValueError if `t` has not one time per frame, or as `fit_flyer`.
     """
+    check_shape(body.outcome.shape, t=t)
     time, ok = np.asarray(t, dtype=np.float64), body.outcome == FrameOutcome.VALID
     u, r = body.displacement, body.rotation
     own = np.flatnonzero(ok)
@@ -152,9 +154,12 @@ def symmetry_end(
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after separation; its displacement gives the
     reference direction [s]. ``share``: allowed transverse part of the velocity [-], in (0, 1).
-    ``times_in_row``: number of successive times that must agree. Raises ValueError if a span is outside the
-    paths.
+    ``times_in_row``: number of successive times that must agree. Raises ValueError if an option is outside
+    its range, or a span outside the paths.
     """
+    check_interval("(0, 1)", share=share)
+    check_interval("(0, inf) s", over=over)
+    check_interval("[1, inf)", times_in_row=times_in_row)
     at = np.asarray(time, dtype=np.float64)
     paths = (flight.toward, *flight.lateral)
     span = np.array([separation, separation + over])

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.flyer.jerks import posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
 from kolsky.bars.records import FaceWaves, History, Reduction
@@ -52,13 +53,23 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
     """Fit the path of a face with known velocity.
 
     ``motion``: the velocity from the wave's arrival on, at uniform times. The path starts a few samples
-    before it. Raises ValueError if there are fewer than 20 samples, or if the fit fails. Returns: the path
-    with the covariance of noise and scale. There are no static frames; `static_scatter` is therefore 1.
+    before it. Raises ValueError if there are fewer than 20 samples, if times are not uniform, if a value is
+    outside its range, or if the fit fails. Returns: the path with the covariance of noise and scale. There
+    are no static frames; `static_scatter` is therefore 1.
     """
     if motion.time.size < FEWEST_SAMPLES:
         raise ValueError(
             f"the face's velocity needs {FEWEST_SAMPLES} samples or more, got {motion.time.size}: lengthen"
             " the windows"
+        )
+    check_shape(motion.time.shape, time=motion.time, velocity=motion.velocity)
+    check_interval("(0, inf) m/s", noise=motion.noise)
+    check_interval("[0, inf)", sigma_gain=motion.sigma_gain)
+    steps = np.diff(motion.time)
+    if not steps.min() > 0.0 or np.ptp(steps) > 1e-3 * steps.mean():
+        raise ValueError(
+            f"the times of the face's velocity must be uniform, got steps from {steps.min():.6g} to"
+            f" {steps.max():.6g} s; resample the reduction"
         )
     per_mean = -(-motion.time.size // MOST_KNOTS)
     n = motion.time.size // per_mean

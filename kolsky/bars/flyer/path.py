@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
     evidences,
@@ -343,9 +344,9 @@ def fit_flyer(
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
-    Raises ValueError if times are not increasing, if a value is not finite, or if a sigma is not positive.
-    The same error is raised if fewer than 3 frames are at or before `start`, if fewer than 8 are after it, or
-    if the covariance has another shape.
+    Raises ValueError if times are not increasing, if fewer than 3 frames are at or before `start`, or if
+    fewer than 8 are after it. The same error is raised if the covariance has another shape, or if the restart
+    is not finite.
 
     Returns: from `start` to the last frame.
 
@@ -366,6 +367,9 @@ def fit_flyer(
         impact.
     """
     _check(motion, start)
+    check_interval("(-inf, inf)", restart=start if restart is None else restart)
+    if covariance is not None:
+        check_shape(2 * motion.time.shape, covariance=covariance)
     frame = float(np.median(np.diff(motion.time)))
     t, seen = _without_gaps(motion.time, frame)
     sigma, displacement = np.full(t.size, np.inf), np.zeros(t.size)
@@ -477,10 +481,6 @@ def _check(motion: FlyerMotion, start: float) -> None:
     if not (np.diff(t) > 0.0).all():
         row = int(np.flatnonzero(~(np.diff(t) > 0.0))[0]) + 1
         raise ValueError(f"frame times must increase; row {row} has {t[row]:.9g} s after {t[row - 1]:.9g} s")
-    if not (np.isfinite(motion.displacement).all() and np.isfinite(t).all()):
-        raise ValueError("every time and displacement of the flyer must be finite; drop the failed frames")
-    if not (motion.sigma > 0.0).all():
-        raise ValueError(f"the flyer's sigma must be > 0 m everywhere, got {motion.sigma.min():.3g} m")
     for count, least, where in (
         (int((t <= start).sum()), FEWEST_STATIC, "at or before"),
         (int((t > start).sum()), _FEWEST_MOVING, "after"),

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
+from dic.basics import check_interval
 from kolsky.bars.records import Signal
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
@@ -114,8 +115,11 @@ def synchronise(
     sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
     integration begins there. ``travel``: displacement up to which frames are used [m], about 5 % of the
     specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``: largest lag in
-    the search, in either direction [s].
+    the search, in either direction [s]. Raises ValueError if a value is outside its range, or if the frames
+    or the signal do not suffice.
     """
+    check_interval("(0, inf)", mass=mass, travel=travel, reach=reach)
+    check_interval("[0, inf) N", sigma_zero=sigma_zero)
     t, F = _from(force, rest)
     v = cumulative_trapezoid(F, t, initial=0.0) / mass
     x = cumulative_trapezoid(v, t, initial=0.0)

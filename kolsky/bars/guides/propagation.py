@@ -11,6 +11,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
+from dic.basics import check_interval
 from dic.views import ResultViews
 from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
@@ -128,8 +129,11 @@ def propagation(
     if the result needs a different clock. The result is interpolated within the band of the sampling.
     ``samples``: length of the result; default: that of the signal. Returns: with the band that was kept and
     the amplification of the noise. For propagation back, the band of a lossy bar ends at an amplification of
-    10. Raises ValueError if the window is outside the signal, or if the band is empty.
+    10. Raises ValueError if an argument is outside its range, or if the band is empty.
     """
+    check_interval("(-inf, inf)", distance=distance)
+    check_interval("(0, inf] Hz", band=np.inf if band is None else band)
+    check_interval("[8, inf)", **{"number of samples": signal.value.size})
     value = signal.value if window is None else windowed(signal, window).value
     n, step = value.size, signal.interval
     count = n if samples is None else samples

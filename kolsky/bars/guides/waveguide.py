@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.special import i0e, i1e, j0, j1, jve
 
+from dic.basics import check_interval
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
 
@@ -322,7 +323,8 @@ def _speed_of(omega: NDArray[Any], wavenumber: ComplexArray, at_rest: float) -> 
 class PronyModulus:
     """Complex modulus of springs and dashpots, E + sum of E_j i omega tau_j / (1 + i omega tau_j).
 
-    One pair is the standard linear solid (Zener).
+    One pair is the standard linear solid (Zener). Raises ValueError if a value is not positive, or if there
+    is not one time for each modulus.
     """
 
     long_term: float
@@ -331,6 +333,12 @@ class PronyModulus:
     """Moduli E_j of the Maxwell elements [Pa], > 0."""
     times: tuple[float, ...]
     """Their relaxation times tau_j [s], > 0."""
+
+    def __post_init__(self) -> None:
+        check_interval("(0, inf) Pa", long_term=self.long_term, moduli=self.moduli)
+        check_interval("(0, inf) s", times=self.times)
+        if len(self.moduli) != len(self.times):
+            raise ValueError(f"a modulus for each time, got {len(self.moduli)} and {len(self.times)}")
 
     def __call__(self, omega: ArrayLike) -> ComplexArray:
         """Complex modulus E* [Pa] at angular frequencies [rad/s]."""

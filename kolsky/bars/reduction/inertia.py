@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.audit import Switches, correction_of
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.records import Correction, History, Quantity, Reduction
@@ -56,8 +57,10 @@ def correct_radial_inertia(
 
     ``stress``: nominal stress [Pa], compression positive. ``strain``, ``rate``, ``second``: nominal
     compression [-], [1/s], [1/s^2]. ``apply``: False returns the stress unchanged. Raises ValueError for the
-    reasons of `radial_pressure`.
+    reasons of `radial_pressure`, and if shapes differ.
     """
+    for name, history in (("strain", strain), ("rate", rate), ("second", second)):
+        check_shape(stress.value.shape, **{name: history.value, f"sigma of {name}": history.sigma})
     rho, a0 = specimen.density, specimen.radius
     left = 1.0 - strain.value
     p = radial_pressure(strain.value, rate.value, second.value, density=rho, radius=a0)
@@ -290,8 +293,11 @@ def compensate_mass(
     """Force on the specimen from that at a gauge, with a moving mass between: ``F = F_gauge - m a``.
 
     ``acceleration``: of the mass in the direction of the incident wave [m/s^2], at the force's times.
-    ``apply``: False returns the force unchanged. The correction is still measured.
+    ``apply``: False returns the force unchanged. The correction is still measured. Raises ValueError if the
+    mass is not positive, or if shapes differ.
     """
+    check_interval("(0, inf) kg", **{mass.name: mass.value})
+    check_shape(force.value.shape, acceleration=acceleration.value)
     a = acceleration.value
     change = -mass.value * a
     sigma = np.sqrt(force.sigma**2 + (mass.value * acceleration.sigma) ** 2 + (mass.sigma * a) ** 2)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from dic.basics import check_interval, check_shape
 from dic.views import ResultViews
 from kolsky.bars.records import Reduction
 from kolsky.base.arrays import FloatArray
@@ -70,10 +71,15 @@ def average(curves: Mapping[str, Curve]) -> RepeatedTests:
 
     Curves are interpolated linearly to a uniform axis, from the latest start to the earliest end, with as
     many points as the test with the fewest has there. Parts outside are cut off and reported in a remark.
-    Raises ValueError if there are fewer than two tests, or if they have no range in common.
+    Raises ValueError if there are fewer than two tests, if they have no range in common, or if a curve has a
+    value that is not finite, a negative sigma or a strain that does not increase.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
+    for name, (x, y, sigma) in curves.items():
+        check_shape(x.shape, **{f"strain of {name}": x, f"stress of {name}": y})
+        check_interval("(0, inf)", **{f"step of the strain of {name}": np.diff(x)})
+        check_interval("[0, inf)", **{f"sigma of {name}": sigma})
     axes = {name: x for name, (x, _, _) in curves.items()}
     first, last = max(axes, key=lambda name: axes[name][0]), min(axes, key=lambda name: axes[name][-1])
     low, high = axes[first][0], axes[last][-1]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
+from dic.basics import check_interval
 from kolsky.bars.audit import AuditLog
 from kolsky.bars.guides.propagation import edge_filter, fade_ends, propagation
 from kolsky.bars.guides.waveguide import Waveguide
@@ -60,6 +61,7 @@ def face_waves(
     their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their gauges, if
     available. The windows then only select the part to use.
     """
+    check_interval("(0, inf] Hz", band=inf if band is None else band)
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
         raise ValueError(
@@ -258,9 +260,12 @@ def separate(
 
     ``gauges``: stations of one bar with the same sampling. Their records may start at different times.
     ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:
-    last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if two stations are
-    at the same place, or if records differ in sampling or do not overlap.
+    last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if there are fewer
+    than two stations, if two are at the same place or on different bars, or if records differ in sampling or
+    do not overlap.
     """
+    check_interval("(0, inf] Hz", band=inf if band is None else band)
+    check_interval("(-inf, inf] s", end=inf if end is None else end)
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]
@@ -314,6 +319,11 @@ def separate(
 
 def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
     """Interval, first time, strains over the common span, sigmas and memories of the gauges' noise."""
+    if len(gauges) < 2:
+        raise ValueError(f"wave separation needs two gauges or more on a bar, got {len(gauges)}")
+    if len({gauge.bar for gauge in gauges}) > 1:
+        raise ValueError("gauges of different bars cannot be separated together")
+    check_interval("[0, inf) m", position=[gauge.position for gauge in gauges])
     first = gauges[0].strain
     places = sorted(gauge.position for gauge in gauges)
     closest = min(b - a for a, b in pairwise(places))

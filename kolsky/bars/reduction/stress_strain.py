@@ -13,6 +13,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.interpolate import PchipInterpolator
 
+from dic.basics import check_interval
 from kolsky.bars.guides.propagation import edge_filter, fade_ends, mean_square
 from kolsky.bars.guides.waveguide import Waveguide
 from kolsky.bars.records import ANALYSES, Correction, FaceWaves, History, Reduction
@@ -135,6 +136,7 @@ def reduce(
     wave across the diameter of the thicker bar.
     """
     _check(faces, specimen)
+    check_interval("[0, inf) s", average=0.0 if average is None else average)
     bars = BarWaves(faces, guides)
     k1, k2, z1, z2 = bars.stiffness_1, bars.stiffness_2, bars.impedance_1, bars.impedance_2
     step = float(faces.time[1] - faces.time[0])

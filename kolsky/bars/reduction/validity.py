@@ -8,6 +8,7 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.records import FaceWaves, History, Reduction
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -356,7 +357,11 @@ def validity(
     ``average``: length of the averaging intervals [s]; 0: no averaging. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
-    _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)
+    values = {"front_force": front_force.value, "back_force": back_force.value, "strain": strain.value}
+    check_shape((t.size,), time=t, **values, inertial_stress=extra)
+    check_interval("(0, inf) m^2", area=area)
+    check_interval("(0, 1)", share=share)
+    check_interval("[0, inf) s", average=average)
     n = 1 if average == 0.0 else max(1, round(average / float(np.median(np.diff(t)))))
     if t.size // n < 3:
         raise ValueError(
@@ -421,17 +426,3 @@ def _mean(x: FloatArray, n: int) -> FloatArray:
 
 def _sigma(x: FloatArray, n: int) -> FloatArray:
     return np.asarray(np.sqrt(_mean(x**2, n) / n))
-
-
-def _check(
-    time: FloatArray, values: tuple[FloatArray, ...], area: float, share: float, average: float
-) -> None:
-    if any(value.shape != time.shape for value in values) or time.ndim != 1 or time.size < 3:
-        raise ValueError(
-            f"every history needs one value at each of {time.size} times, 3 or more; got"
-            f" {', '.join(str(value.size) for value in values)}"
-        )
-    if not (area > 0.0 and 0.0 < share < 1.0 and average >= 0.0):
-        raise ValueError(
-            f"area must be > 0 m^2, share in (0, 1) and average >= 0 s, got {area:g}, {share:g}, {average:g}"
-        )

@@ -109,6 +109,7 @@ def station_of(
         baseline=station.baseline,
         clock_offset=station.clock_offset,
         compression=station.compression,
+        full_scale=station.full_scale,
         switches=given.switches,
         uncertainty=quoted.calibration_sigma(
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
 
+from dic.basics import check_shape
 from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray, IntArray
 
@@ -113,6 +114,7 @@ def measure_signal_zero(
     first, last = span
     if not first < last:
         raise ValueError(f"{name}: the baseline must start before it ends, got {first:.9g} to {last:.9g} s")
+    check_shape(time.shape, **{name: value})
     inside = (time >= first) & (time <= last)
     t, v = time[inside], value[inside]
     if t.size < FEWEST_SAMPLES:

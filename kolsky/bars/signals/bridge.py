@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dic.basics import check_interval
 from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
@@ -67,12 +68,9 @@ class Bridge:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"bridge kind must be one of {_listed(KINDS)}, got {self.kind!r}")
-        for field in ("gauge_factor", "excitation", "gain", "gauge_resistance"):
-            value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{field} of a bridge must be finite and > 0, got {value}")
-        if not (np.isfinite(self.lead_resistance) and self.lead_resistance >= 0.0):
-            raise ValueError(f"lead_resistance must be finite and >= 0 ohm, got {self.lead_resistance}")
+        check_interval("(0, inf)", gauge_factor=self.gauge_factor, excitation=self.excitation, gain=self.gain)
+        check_interval("(0, inf) ohm", gauge_resistance=self.gauge_resistance)
+        check_interval("[0, inf) ohm", lead_resistance=self.lead_resistance)
         across = ACROSS in KINDS[self.kind]
         if across and (self.poisson is None or not 0.0 <= self.poisson < 0.5):
             raise ValueError(f"a bridge '{self.kind}' needs poisson in [0, 0.5), got {self.poisson}")
@@ -189,11 +187,7 @@ class Linear:
     """Unit of the recording: "V", or "1" if it is already strain."""
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.factor) and self.factor > 0.0):
-            raise ValueError(
-                f"a calibration factor must be finite and > 0, got {self.factor}; its sign is declared "
-                "separately"
-            )
+        check_interval("(0, inf)", **{"calibration factor": self.factor})  # its sign is declared separately
 
     @property
     def UNIT(self) -> str:
@@ -231,8 +225,7 @@ def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) 
     for field, sigma in uncertainty.items():
         if field not in used:
             raise ValueError(f"uncertainty of {field!r} has no effect on {owner}; allowed: {_listed(used)}")
-        if not (np.isfinite(sigma) and sigma >= 0.0):
-            raise ValueError(f"standard uncertainty of {field} must be finite and >= 0, got {sigma}")
+        check_interval("[0, inf)", **{f"standard uncertainty of {field}": sigma})
 
 
 def _listed(names: Mapping[str, object] | list[str]) -> str:
@@ -258,16 +251,13 @@ class Shunt:
     """Standard uncertainty of the step [V]."""
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.resistance) and self.resistance > 0.0):
-            raise ValueError(f"shunt resistance must be finite and > 0 ohm, got {self.resistance}")
+        check_interval("(0, inf) ohm", **{"shunt resistance": self.resistance})
         if not np.isfinite(self.step) or self.step == 0.0:
             raise ValueError(f"the step of a shunt must be finite and not 0 V, got {self.step}")
         if self.arm not in (1, 2, 3, 4):
             raise ValueError(f"the arm of a shunt must be 1, 2, 3 or 4, got {self.arm}")
-        if not (self.resistance_sigma >= 0.0 and self.step_sigma >= 0.0):
-            raise ValueError(
-                f"uncertainties of a shunt must be >= 0, got {self.resistance_sigma} ohm, {self.step_sigma} V"
-            )
+        check_interval("[0, inf) ohm", **{"resistance_sigma of a shunt": self.resistance_sigma})
+        check_interval("[0, inf) V", **{"step_sigma of a shunt": self.step_sigma})
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.basics import check_interval, check_shape
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
 from kolsky.bars.signals.baseline import measure_signal_zero
@@ -27,7 +28,8 @@ def compensate_droop(
     time: FloatArray, value: FloatArray, time_constant: float, *, start: float
 ) -> FloatArray:
     """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6)."""
-    _check_time_constant(time_constant)
+    check_interval("(0, inf) s", time_constant=time_constant)
+    check_shape(time.shape, value=value)
     first = int(np.searchsorted(time, start))
     lost = np.zeros(time.size)
     if first < time.size:
@@ -41,7 +43,8 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
     """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape
     [n].
     """
-    _check_time_constant(time_constant)
+    check_interval("(0, inf) s", time_constant=time_constant)
+    check_interval("[0, inf)", sigma=sigma)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)
     h = np.diff(time[first:]) / time_constant
@@ -56,6 +59,7 @@ def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
     """The signal after a first-order low-pass, Eq. (E.6)."""
     from scipy.linalg import solve_banded  # scipy.signal takes much longer to load
 
+    check_interval("(0, inf)", step=step, frequency=frequency)
     x = 2.0 * np.pi * frequency * step
     decay = np.exp(-x)
     # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
@@ -65,12 +69,6 @@ def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
     driven[1:] += (share - decay) * change[:-1]
     bands = np.broadcast_to([[1.0], [-decay]], (2, len(change)))
     return np.asarray(solve_banded((1, 0), bands, driven) + signal[0])
-
-
-def _check_time_constant(time_constant: float) -> None:
-    """Check that a time constant is finite and positive."""
-    if not (np.isfinite(time_constant) and time_constant > 0.0):
-        raise ValueError(f"the time constant of a droop must be finite and > 0 s, got {time_constant}")
 
 
 _FEWEST_BASELINE = 20
@@ -110,7 +108,6 @@ def force_history(
     sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
     (U.6), and sigma grows by Eq. (U.7).
     """
-    _check_transducer(transducer)
     _check_recording(recording, transducer)
     time = recording.time + clock_offset
     rest = recording.value[_within(time, baseline, "baseline")]
@@ -209,36 +206,12 @@ def _enough(count: int, baseline: tuple[float, float]) -> None:
         )
 
 
-def _check_transducer(transducer: Transducer) -> None:
-    if not (np.isfinite(transducer.sensitivity) and transducer.sensitivity > 0.0):
-        raise ValueError(
-            f"sensitivity must be > 0 V/N, got {transducer.sensitivity}; the sign belongs in compression_sign"
-        )
-    if transducer.compression_sign not in (1, -1):
-        raise ValueError(f"compression_sign must be +1 or -1, got {transducer.compression_sign}")
-    if not transducer.full_scale > 0.0:
-        raise ValueError(f"full_scale must be > 0 V, got {transducer.full_scale}")
-    if transducer.time_constant != np.inf:
-        _check_time_constant(transducer.time_constant)
-
-
 def _check_recording(recording: Recording, transducer: Transducer) -> None:
     time, value, name = recording.time, recording.value, recording.channel
     if recording.unit != "V":
         raise ValueError(f"{name}: unit must be 'V', got {recording.unit!r}; convert the recording first")
-    if time.shape != value.shape or time.ndim != 1:
-        raise ValueError(f"{name}: time and value need one length, got {time.shape} and {value.shape}")
-    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))
-    if bad.size:
-        raise ValueError(
-            f"{name}: sample {bad[0]} is ({time[bad[0]]} s, {value[bad[0]]} V); every sample must be finite"
-        )
-    back = np.flatnonzero(~(np.diff(time) > 0.0))
-    if back.size:
-        raise ValueError(
-            f"{name}: times must increase; sample {back[0] + 1} is at {time[back[0] + 1]:.9g} s after"
-            f" {time[back[0]]:.9g} s"
-        )
+    check_shape((time.size,), **{f"time of {name}": time, name: value})
+    check_interval("(0, inf) s", **{f"step of the time of {name}": np.diff(time)})
     clipped = np.flatnonzero(np.abs(value) >= transducer.full_scale)
     if clipped.size:
         raise ValueError(

@@ -238,7 +238,7 @@ class CorrectionNumerics:
     """Largest number of strains at which the test is compared."""
 
     def __post_init__(self) -> None:
-        if not self.refined_mesh[0] > self.mesh[0]:
+        if not (self.refined_mesh[0] > self.mesh[0] and self.refined_mesh[1] > self.mesh[1]):
             raise ValueError(f"the refined mesh {self.refined_mesh} must be finer than {self.mesh}")
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"Poisson's ratio must be in [0, 0.5), got {self.poisson}")

@@ -276,6 +276,7 @@ def compare_laws(
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")
+    weighting = Weighting(weighting)
     rows = []
     for done, candidate in enumerate(laws):
         progress(done)

@@ -17,6 +17,7 @@ from math import log
 
 import numpy as np
 
+from dic.basics import check_interval
 from explicit.materials import AnyLaw
 from explicit.materials import bulk_modulus as bulk
 from kolsky.base.arrays import FloatArray
@@ -240,7 +241,7 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law do not fit together. The message gives the reason.
+    Raises ValueError if an option is outside its range, or if the tests and the law do not fit together.
 
     Returns: the best minimum of all starts. `outcome` states whether the data determine it.
 
@@ -270,6 +271,8 @@ def fit_law(
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")
+    weighting = Weighting(weighting)
+    check_interval("(-1, 0.5)", poisson=0.0 if poisson is None else poisson)
     problem = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson, free_poisson)
     found = search(problem, bounded=bounded, starts=starts, seed=seed)
     made = problem.build(found.unknowns)

@@ -98,7 +98,12 @@ def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
 
 
 def mean_of(values: Sequence[float]) -> Measured:
-    """Mean of specimens and its standard uncertainty by their scatter; NaN for one specimen."""
+    """Mean of specimens and its standard uncertainty by their scatter; NaN for one specimen.
+
+    Raises ValueError if there is none.
+    """
+    if not values:
+        raise ValueError("a mean needs at least one specimen")
     x = np.asarray(values, dtype=float)
     sigma = float(x.std(ddof=1) / np.sqrt(x.size)) if x.size > 1 else float("nan")
     return Measured(float(x.mean()), sigma)
@@ -107,7 +112,8 @@ def mean_of(values: Sequence[float]) -> Measured:
 def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
     """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
 
-    The uncertainty is NaN if a group has a single specimen and therefore no scatter.
+    The uncertainty is NaN if a group has a single specimen and therefore no scatter. Raises ValueError if a
+    group is empty, or if the mean of the undamaged specimens is not positive.
     """
     before, after = mean_of(undamaged), mean_of(healed)
     if not before.value > 0.0:

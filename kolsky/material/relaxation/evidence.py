@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dic.basics import check_interval
 from explicit.relaxation import PronySeries, prony_stress
 from explicit.relaxation.prony import checked_history
 from kolsky.base.arrays import FloatArray
@@ -140,6 +141,7 @@ class DynamicTest:
         if not (np.isfinite(self.angular_frequency) & (self.angular_frequency > 0.0)).all():
             raise ValueError(f"angular_frequency must be > 0 rad/s, got {np.min(self.angular_frequency)}")
         _checked("storage", self.storage, self.sigma_storage, n)
+        check_interval("(0, inf) Pa", storage=self.storage)
         _checked("loss", self.loss, self.sigma_loss, n)
 
     @property

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from dic.basics import check_interval
 from explicit.relaxation import PronySeries
 from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
@@ -312,7 +313,11 @@ def fit_prony(
 def required_branches(
     law: Any, evidence: Sequence[Evidence], *, at_most: int = 2, max_evaluations: int = 60
 ) -> RateVerdict:
-    """Fit 0, 1, ... `at_most` branches and test the improvement by each."""
+    """Fit 0, 1, ... `at_most` branches and test the improvement by each.
+
+    Raises ValueError if `at_most` is negative, or as `fit_prony`.
+    """
+    check_interval("[0, inf)", at_most=at_most)
     fits = [fit_prony(law, evidence, 0)]
     for n in range(1, at_most + 1):
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
@@ -385,7 +390,10 @@ def fitted_modulus(fit: RateFit, young: float, age: FloatArray) -> tuple[FloatAr
     """E(t) of a fit over the same axis, and its standard uncertainty by the fit's covariance [Pa].
 
     ``young``: initial modulus of the long-term law, 3 mu_0 [Pa]. ``age``: times after a step of strain [s].
+    Raises ValueError if the modulus is not positive or an age is negative.
     """
+    check_interval("(0, inf) Pa", young=young)
+    check_interval("[0, inf) s", age=age)
     n = len(fit.values) // 2
     factor, c, tau = fit.values[0], fit.values[1 : n + 1], fit.values[n + 1 :]
     x = age[:, None] / tau

@@ -181,18 +181,18 @@ def spoiled(field, row, value):
 
 
 @pytest.mark.parametrize(
-    ("motion", "start", "message"),
+    ("change", "start", "message"),
     [
-        (measured(), FRAMES[1], "2 flyer frames are at or before the start"),
-        (measured(), FRAMES[-5], "4 flyer frames are after the start"),
-        (spoiled("time", 7, FRAMES[6]), START, "row 7"),
-        (spoiled("displacement", 50, np.nan), START, "must be finite"),
-        (spoiled("sigma", 50, 0.0), START, "must be > 0"),
+        (("time", 0, FRAMES[0]), FRAMES[1], "2 flyer frames are at or before the start"),
+        (("time", 0, FRAMES[0]), FRAMES[-5], "4 flyer frames are after the start"),
+        (("time", 7, FRAMES[6]), START, "row 7"),
+        (("displacement", 50, np.nan), START, "displacement must be finite, got nan at 50"),
+        (("sigma", 50, 0.0), START, r"sigma of the flyer must be in \(0, inf\) m, got 0 at 50"),
     ],
 )
-def test_bad_input_is_refused(motion, start, message):
+def test_bad_input_is_refused(change, start, message):
     with pytest.raises(ValueError, match=message):
-        fit_flyer(motion, start=start)
+        fit_flyer(spoiled(*change), start=start)
 
 
 def small_problem():

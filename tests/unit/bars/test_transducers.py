@@ -60,16 +60,13 @@ def times(row, value):
     [
         ({"record": values(55, 1.0)}, r"1 samples reach full scale, the first 1 V.*< 1 V.*wider range"),
         ({"record": values(45, -1.2)}, r"the first -1.2 V"),
-        ({"record": values(3, np.nan)}, r"sample 3 is .*must be finite"),
-        ({"record": times(7, recording().time[6])}, r"sample 7 is at"),
+        ({"record": values(3, np.nan)}, r"must be finite, got nan at 3"),
+        ({"record": times(7, recording().time[6])}, r"step of the time of .* must be in \(0, inf\) s"),
         ({"record": recording(unit="mV")}, r"unit must be 'V', got 'mV'"),
-        ({"record": recording(time=np.arange(59.0))}, r"need one length"),
+        ({"record": recording(time=np.arange(59.0))}, r"must have the shape \(59,\), got \(60,\)"),
         ({"record": recording(value=np.full(60, 0.02))}, r"all 40 baseline samples are 0.02 V"),
         ({"baseline": (0.0, 0.375)}, r"holds 19 samples, at least 20"),
         ({"baseline": (0.5, 0.1)}, r"must start before it ends"),
-        ({"gauge": replace(GAUGE, sensitivity=-0.01)}, r"sensitivity must be > 0 V/N, got -0.01"),
-        ({"gauge": replace(GAUGE, compression_sign=0)}, r"compression_sign must be \+1 or -1, got 0"),
-        ({"gauge": replace(GAUGE, full_scale=0.0)}, r"full_scale must be > 0 V"),
     ],
 )
 def test_bad_input_is_refused(change, message):

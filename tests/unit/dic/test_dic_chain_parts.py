@@ -15,7 +15,7 @@ from synthetic_dic import rig, synthetic_result
 from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
-from dic.basics import median
+from dic.basics import check_interval, check_shape, median
 from dic.bodies.body_motion import MotionPrior, Observations, adjust
 from dic.bodies.region import Region
 from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
@@ -496,3 +496,16 @@ def test_a_median_is_numpy_s(n):
     np.testing.assert_array_equal(median(values), np.median(values, axis=0))
     np.testing.assert_array_equal(median(values.T, axis=-1), np.median(values.T, axis=-1))
     assert float(median(values[:, 0])) == np.median(values[:, 0])
+
+
+def test_the_ends_of_an_interval():
+    for allowed, ends in (("[0, 1] s", (0.0, 1.0)), ("[0, 1)", (0.0,)), ("(0, 1]", (1.0,)), ("(0, 1)", ())):
+        for value in (0.0, 1.0):
+            if value in ends:
+                check_interval(allowed, x=value)
+            else:
+                with pytest.raises(ValueError, match=f"got {value:g}$"):
+                    check_interval(allowed, x=value)
+    check_interval("(0, 1)", x=[], y=0.5)
+    with pytest.raises(ValueError, match="y must be finite, got nan at 1, 0"):
+        check_shape((2, 1), x=np.zeros((2, 1)), y=[[0.0], [np.nan]])

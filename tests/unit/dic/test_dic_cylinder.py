@@ -343,3 +343,6 @@ def test_a_strip_without_width_is_refused(half_width):
 def test_an_axis_in_front_of_the_surface_is_refused():
     with pytest.raises(ValueError, match="check axis_Z"):
         centre_line(barrel()[0], half_width=1e-3, axis_Z=20e-3)
+    for name in ("axis_x", "axis_Z"):
+        with pytest.raises(ValueError, match=f"{name} must be finite, got nan"):
+            centre_line(barrel()[0], half_width=1e-3, **{name: np.nan})

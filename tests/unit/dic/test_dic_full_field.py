@@ -80,6 +80,7 @@ def test_an_end_without_points_has_an_outcome_and_no_number():
     [
         (((1, 1), (1, 1)), 3, "one place"),
         (((1, 1), (9, 1)), 4, "odd"),
+        (((1, 1), (9, np.nan)), 3, "ends of the extensometer e must be finite, got nan at 1, 1"),
         (((1, 1), (400, 1)), 3, "place it on"),
     ],
 )
@@ -176,7 +177,15 @@ def test_the_frame_of_a_plane_looks_at_the_cameras():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"step": 0}, {"strain_window": 4}, {"static": 0}, {"noise": 0.0}, {"stereo_shape": Shape.RIGID}]
+    "wrong",
+    [
+        {"step": 0},
+        {"margin": np.inf},
+        {"strain_window": 4},
+        {"static": 0},
+        {"noise": 0.0},
+        {"stereo_shape": Shape.RIGID},
+    ],
 )
 def test_settings_outside_their_range_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
@@ -386,7 +395,7 @@ def test_too_few_neighbours_are_an_outcome():
 
 def test_the_gauge_has_its_declared_size_and_refuses_what_is_none():
     assert StrainGauge(window=5, step=5.0, subset=21.0).size == 41.0  # (5 - 1) 5 + 21
-    for options in ({"window": 4}, {"window": 1}, {"step": 0.0}, {"order": 3}):
+    for options in ({"window": 4}, {"window": 1}, {"window": np.nan}, {"step": 0.0}, {"order": 3}):
         with pytest.raises(ValueError, match="must be"):
             StrainGauge(**({"window": 5, "step": 5.0, "subset": 21.0} | options))
     X = at_rest(strains_grid())

@@ -257,6 +257,11 @@ def test_parallel_lines_of_sight_meet_nowhere() -> None:
     assert np.all(np.isnan(found.position))
     with pytest.raises(ValueError, match="same centre"):
         epipolar_distance(StereoRig((rig.cameras[0], rig.cameras[0])), np.zeros(2), np.zeros(2))
+    for name, shape in (("distortion", 5), ("rotation", (3, 3)), ("translation", 3)):
+        with pytest.raises(ValueError, match=f"{name} must have the shape"):
+            Camera(**plain, **{name: np.zeros(2)})
+        with pytest.raises(ValueError, match=f"{name} must be finite, got nan"):
+            Camera(**plain, **{name: np.full(shape, np.nan)})
 
 
 @pytest.mark.parametrize(

@@ -195,6 +195,8 @@ def test_what_cannot_carry_a_process_is_refused() -> None:
     few = sobol(box, 4, rng=0).points
     with pytest.raises(SurrogateError, match="at least 5 runs for 2"):
         ProcessSurrogate.fit(box, few, np.ones((4, 1)))
+    with pytest.raises(SurrogateError, match="needs runs, got none"):
+        ProcessSurrogate.fit(box, few[:0], np.ones((0, 1)))
     line = np.column_stack([np.linspace(0.0, 1.0, 8)] * 2)
     with pytest.raises(SurrogateError, match="do not determine a linear trend"):
         ProcessSurrogate.fit(box, line, np.ones((8, 1)))

@@ -13,7 +13,7 @@ from explicit import Samples
 from kolsky.inverse.parameters import PARAMETERS, checked_value, design_box, parameter
 from kolsky.inverse.problem import BEYOND, EXACT, HELD_AS_ASKED, SLIDES, choose
 from kolsky.inverse.search import not_identifiable
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.settings import Numerics, Settings, require_finer
 from kolsky.shot.load import load_shot
 
 
@@ -70,6 +70,31 @@ def test_what_the_user_says_counts() -> None:
     assert list(choose(Settings(free={"damping": None}), shot(damping=0.0)).free) == ["damping"]
     with pytest.raises(ValueError, match="nothing is free: stiffness_factor is held as asked"):
         choose(Settings(hold=("stiffness_factor", "poisson", "damping")), shot())
+    for settings, words in (
+        (Settings(hold=("poison",)), "no parameter 'poison'; choose from stiffness_factor"),
+        (Settings(held={"poison": 0.4}), "no parameter 'poison'"),
+        (Settings(held={"poisson": 0.7}), r"poisson = 0.7 is not allowed; it must be in \[0, 0.49999\]"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            choose(settings, shot())
+    for options, words in (
+        ({"pull": "last"}, "pull must be one of first, conditioned, got 'last'"),
+        ({"replicates": -1}, r"replicates must be in \[0, inf\], got -1"),
+        ({"seed": -1}, r"seed must be in \[0, inf\], got -1"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Settings(**options)  # type: ignore[arg-type]
+    for options, words in (
+        ({"past_data": "go"}, "past_data must be one of continue, stop, got 'go'"),
+        ({"precision": "fp16"}, "precision must be one of fp64, fp32, got 'fp16'"),
+        ({"threads": 0}, r"threads must be in \[1, inf\], got 0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Numerics(**options)  # type: ignore[arg-type]
+    require_finer((17, 23), (16, 22))
+    for refined in ((16, 23), (17, 22)):
+        with pytest.raises(ValueError, match="must be finer than that of the search"):
+            require_finer(refined, (16, 22))
     with pytest.raises(ValueError, match="damping: a parameter is either free or held, at one value"):
         Settings(hold=("damping",), held={"damping": 1e-5})
 

@@ -332,6 +332,9 @@ def test_a_surface_without_a_free_part_or_with_nan_is_refused():
         radius_at(np.full((1, 5), 5e-3), np.zeros((1, 5)), rows, at)
     with pytest.raises(ValueError, match="not finite"):
         radius_at(np.full((1, 5), np.nan), np.linspace(0, 1, 5)[None], rows, at)
+    for row in (-1, 1):
+        with pytest.raises(ValueError, match=rf"frame must be in \[0, 0\], got {row} at 0"):
+            radius_at(np.full((1, 5), 5e-3), np.linspace(0, 1, 5)[None], rows + row, at)
 
 
 def test_a_hundred_simulations_take_no_time():

@@ -34,6 +34,8 @@ def test_coarse_meshes_of_a_search_are_in_single_precision_and_the_answer_in_dou
     assert set(precisions(InverseProblem.of(problem.shot, sliding))) == {None}
     corrected = Settings(numerics=Numerics(compressible=0.495))
     assert set(precisions(InverseProblem.of(problem.shot, corrected))) == {None}
+    with pytest.raises(ValueError, match="must be finer than that of the search"):
+        InverseProblem.of(problem.shot, Settings(refined_mesh=(20, 27)))
 
 
 @pytest.mark.parametrize("chosen", ["fp32", "fp64"])

@@ -305,6 +305,9 @@ def test_smoothness_is_the_second_difference_over_its_sigma() -> None:
     ("given", "words"),
     [
         ({"curve_nodes": 3}, "curve_nodes must be 0 or 4 to 24, got 3"),
+        ({"curve_nodes": -3}, r"curve_nodes must be in \[0, inf\], got -3"),
+        ({"seed": -1}, r"seed must be in \[0, inf\), got -1"),
+        ({"replicates": -1}, r"replicates must be in \[0, inf\), got -1"),
         ({"curve_roughness": 0.0}, "curve_roughness must be in"),
         ({"gain_each": 1.0}, "gain_each must be in"),
         ({"refined_mesh": (16, 22)}, "must be finer"),

@@ -71,6 +71,10 @@ def test_a_line_through_samples_is_read_off_exactly_and_its_noise_is_found():
     value, noise = resample(x, 3.0 * x + 1.0, np.linspace(0.1, 0.9, 9))
     assert value == pytest.approx(3.0 * np.linspace(0.1, 0.9, 9) + 1.0, rel=1e-12)
     assert noise < 1e-12
+    with pytest.raises(ValueError, match=r"axis must be in \[.*\], got 2 at 1"):
+        resample(x, x, np.array([0.5, 2.0]))
+    with pytest.raises(ValueError, match="value must be finite, got nan at 0"):
+        resample(x, x * np.nan, np.array([0.1, 0.5]))
     _, noise = resample(x, 3.0 * x + 0.2 * rng.standard_normal(x.size), np.linspace(0.1, 0.9, 9))
     assert noise == pytest.approx(0.2, rel=0.1)  # a median of 3000: 2.5 %, four of those
 
@@ -119,6 +123,11 @@ def test_first_pull_and_conditioned_are_kept_apart():
     assert last.modulus.modulus == pytest.approx(np.full(60, 0.8 * E), rel=2e-3)
     with pytest.raises(ValueError, match="one loading ramp"):
         reference_curve([specimen("a", up, gaussian(up))], Treatment(), pull="conditioned")
+    with pytest.raises(ValueError, match="pull must be 'first' or 'conditioned', got 'last'"):
+        reference_curve(tests, Treatment(), pull="last")  # type: ignore[arg-type]
+    for name in ("compliance", "bulge_sigma"):
+        with pytest.raises(ValueError, match=rf"{name} must be in \[0, inf\), got -1e-07"):
+            Treatment(**{name: -1e-7})
 
 
 def test_machine_in_series_is_taken_off():

@@ -369,6 +369,8 @@ def test_poissons_ratio_moves_the_constants():
     assert _poisson_change(found(made_test(), refined=False), made_test()) == pytest.approx([0.0])
     with pytest.raises(ValueError, match="poisson_sigma"):
         CorrectionNumerics(poisson_sigma=0.0011)
+    with pytest.raises(ValueError, match=r"refined mesh \(12, 7\) must be finer than \(8, 7\)"):
+        CorrectionNumerics(mesh=(8, 7), refined_mesh=(12, 7))
 
 
 @pytest.mark.parametrize(

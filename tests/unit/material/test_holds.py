@@ -218,6 +218,14 @@ def test_errors_name_what_is_wrong() -> None:
         HistoryTest(np.arange(3.0), ones, ones, 0.0 * ones)
     with pytest.raises(ValueError, match="need 3 values, one per sample"):
         HistoryTest(np.arange(3.0), ones, np.ones(2), ones)
+    with pytest.raises(ValueError, match=r"storage must be in \(0, inf\) Pa, got -1 at 0"):
+        DynamicTest(ones, -ones, ones, ones, ones)
+    with pytest.raises(ValueError, match=r"at_most must be in \[0, inf\), got -1"):
+        required_branches(LAW, evidence(ELASTIC, 0), at_most=-1)
+    fit = fit_prony(LAW, evidence(ELASTIC, 0), 0)
+    for young, age, words in ((0.0, 1.0, "young must be in"), (1.0, -1.0, r"age must be in \[0")):
+        with pytest.raises(ValueError, match=words):
+            fitted_modulus(fit, young, np.array([age]))
     with pytest.raises(ValueError, match="angular_frequency must be > 0"):
         DynamicTest(np.array([0.0, 1.0, 2.0]), ones, ones, ones, ones)
     with pytest.raises(ValueError, match="times must be >= the rise"):

@@ -178,7 +178,9 @@ def test_what_cannot_be_fitted_is_refused():
         ({"held": {"mu": 1.0}}, "has no constant 'mu'; it has C10, C20, C30"),
         ({"held": {"C10": 1.0, "C20": 1.0, "C30": 1.0}}, "all constants are held"),
         ({"weighting": Weighting.SIGMA}, "has no sigma"),
+        ({"weighting": "absolut"}, "'absolut' is not a valid Weighting"),
         ({"starts": 0}, "starts must be >= 1"),
+        ({"poisson": 0.5}, r"poisson must be in \(-1, 0.5\), got 0.5"),
     ):
         with pytest.raises(ValueError, match=message):
             fit_law(LAWS["yeoh"], **{"tests": [test], **arguments})

@@ -175,6 +175,8 @@ def test_numbers_of_the_page_by_hand():
 def test_no_specimen_no_efficiency():
     with pytest.raises(ValueError, match="needs undamaged and healed specimens"):
         healing([], [])
+    with pytest.raises(ValueError, match="a mean needs at least one specimen"):
+        recovery([1.0], [])
 
 
 def test_a_figure_that_no_specimen_shows_is_named_with_its_cause():

@@ -362,6 +362,19 @@ def test_a_yield_strength_is_declared_in_the_shot(tmp_path):
     station_of(load_waves(folder), "incident")
 
 
+def test_a_stated_full_scale_decides_on_clipping(tmp_path):
+    t, first, second = strains()
+    top = 0.9 * first.max()
+    folder = bar_shot(tmp_path / "a", columns=(t, np.minimum(first, top), second))
+    with pytest.raises(InputError, match=r"is clipped: .* or, if the signal is truly flat, state full_scale"):
+        load_waves(folder)
+    path = folder / "shot.toml"
+    text = path.read_text().replace("[gauges.incident]", '[gauges.incident]\nfull_scale = "5 V"')
+    path.write_text(text)
+    read = station_of(load_waves(folder), "incident").signal.strain.value
+    assert read.max() == pytest.approx(top, rel=1e-3)  # noise of 1e-6
+
+
 def jittered(share, seed=1):
     """Times whose steps vary evenly within a share, and the strains at those times."""
     t, *_ = strains()

@@ -231,7 +231,7 @@ def test_warm_air_at_rest_is_no_motion() -> None:
     motion = flyer([0.0, 0.0, 0.0, 0.8e-6, 1e-3])[1]
     motion = replace(motion, sigma=np.full(5, 5e-8))
     assert "frames.static" in refused(body_moves, motion, 3.5e-5, FILE, Toml())
-    body_moves(replace(motion, shared_sigma=np.full(5, 5e-7)), 3.5e-5, FILE, Toml())
+    body_moves(replace(motion, shared_sigma=np.full(5, 5e-7), shared_memory=1e-4), 3.5e-5, FILE, Toml())
 
 
 def test_a_body_in_pictures_rests_and_moves_by_its_own_sigmas() -> None:
