@@ -339,11 +339,6 @@ def reaches_bound(result: Identification, e: Estimate) -> bool:
     return low < result.design.lower[i] or high > result.design.upper[i]
 
 
-def explained(result: Identification) -> bool:
-    """True if the model explains every channel, and if limits were set."""
-    return explains(result.fit)
-
-
 def explains(fit: Sequence[FitQuality]) -> bool:
     """True if every channel is explained within limits that were set."""
     return bool(fit) and all(f.explained and f.limit < inf for f in fit)

@@ -79,10 +79,7 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
 def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRuns:
     """A run at a point with all nodes; raises ValueError if it does not complete."""
     runs = runner.run("check", x[None], numerics, all_nodes=True)
-    completed = runs.completed()
-    if completed is None:
-        raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
-    return completed
+    return runs.completed("the check needs every run on the refined mesh to complete")
 
 
 EDGE = 0.2

@@ -222,10 +222,10 @@ class Runs:
         n, lost = len(self.points), len(self.points) - len(self.rows)
         return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
 
-    def completed(self) -> CompletedRuns | None:
-        """The completed runs; None if there are none."""
+    def completed(self, problem: str) -> CompletedRuns:
+        """The completed runs. Without any, raises ValueError with a problem and the first failure."""
         if self.prediction is None:
-            return None
+            raise ValueError(f"{problem}: {self.first_lost}")
         response = self.response.select(self.rows)
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 

@@ -137,10 +137,7 @@ class Runner:
     ) -> CompletedRuns:
         """Run a design and record it; raises ValueError if no run completed."""
         runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
-        completed = runs.completed()
-        if completed is None:
-            raise ValueError(f"no run of the {stage} completed: {runs.first_lost}")
-        return completed
+        return runs.completed(f"no run of the {stage} completed")
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
         """Data vectors of runs, [n, d] -> [n, k], see `Objective.reached`; NaN in the row of a failed run."""

@@ -21,6 +21,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
+from kolsky.readers.header import HeaderClock
 from kolsky.readers.layout import ColumnId
 
 
@@ -305,15 +306,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
 
 
 def column_clock(
-    time: FloatArray,
-    digit: FloatArray,
-    *,
-    name: str,
-    fault: Fault,
-    interval: float | None = None,
-    tolerance: float = 0.0,
-    start: float | None = None,
-    source: str = "",
+    time: FloatArray, digit: FloatArray, header: HeaderClock, *, name: str, fault: Fault
 ) -> Clock:
     """The clock defined by a time column.
 
@@ -322,12 +315,11 @@ def column_clock(
     common range. If that range is smaller than dt / 100, the start is the first time.
 
     ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each time [s], shape [n].
-    ``name``: the column, for messages. ``interval``: the interval declared by the user or the header [s].
-    Without it, the column must define one. ``tolerance``: rounding error of the printed interval [s].
-    ``start``: the start declared with it [s]. ``source``: source of the declared interval, in words. Raises
-    InputError if times decrease or have gaps. The same error is raised if they are rounded too much to define
-    an interval, or if they contradict the declared interval.
+    ``header``: the declared clock. Without an interval in it, the column must define one. ``name``: the
+    column, for messages. Raises InputError if times decrease or have gaps. The same error is raised if they
+    are rounded too much to define an interval, or if they contradict the declared interval.
     """
+    interval, start, source = header.interval, header.start, header.source
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
     shown, doubt = _mean_step(time, digit)
@@ -339,7 +331,7 @@ def column_clock(
     index = np.arange(time.size)
     # Some programs truncate instead of rounding. The error is then a whole digit instead of half a digit.
     for share in (0.5, 1.0):
-        slack = share * digit * 1.001 + 1e-12 * np.abs(time) + tolerance * index
+        slack = share * digit * 1.001 + 1e-12 * np.abs(time) + header.interval_digit * index
         low, high = (
             float((time - slack - interval * index).max()),
             float((time + slack - interval * index).min()),
@@ -361,14 +353,13 @@ def column_clock(
     return Clock(found, interval, f"{source}; start from column '{name}'{known}")
 
 
-def array_clock(
-    time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
-) -> Clock:
+def array_clock(time: FloatArray, header: HeaderClock, *, name: str, fault: Fault) -> Clock:
     """The clock of times stored as binary numbers. Their printed digits are unknown.
 
-    Raises InputError for the reasons of `column_clock`. A time may deviate from uniform times by 5 % of the
+    Arguments and errors are those of `column_clock`. A time may deviate from uniform times by 5 % of the
     interval.
     """
+    interval, source = header.interval, header.source
     _sorted(time, name, fault)
     last = time.size - 1
     shown = float(time[last] - time[0]) / last

@@ -25,14 +25,12 @@ class ExportLayout:
 
     program: str
     """The program, with its version if the names differ between versions."""
-    coordinates: tuple[str, str, str]
-    """Columns of the position, in the reference frame or in the current frame. The numbers show which of
-    both."""
-    displacements: tuple[str, str, str]
-    """Columns of the displacement from the reference frame."""
+    coordinates: tuple[str, ...]
+    """Three columns of the position, in the reference or in the current frame, as the numbers show."""
+    displacements: tuple[str, ...]
+    """Three columns of the displacement from the reference frame."""
     key: tuple[str, ...] = ()
-    """Columns that identify the point of a row in every frame. Without such columns, the order of rows
-    identifies it."""
+    """Columns that identify the point of a row in every frame; without them, the order of rows does."""
     rejected: tuple[str, ...] = ()
     """Columns that are negative for points rejected by the program. Missing columns are ignored."""
 
@@ -44,56 +42,47 @@ _DICE = ExportLayout(
     key=("SUBSET_ID",),
     rejected=("SIGMA", "MATCH", "GAMMA"),
 )
+_XYZ, _UVW, _xyz, _uvw = (tuple(names) for names in ("XYZ", "UVW", "xyz", "uvw"))
+# fmt: off
 LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
-    "vic3d": (
-        # Data export as CSV. sigma is -1 for a subset that was not matched.
-        ExportLayout("VIC-3D", ("X", "Y", "Z"), ("U", "V", "W"), key=("x", "y"), rejected=("sigma",)),
-    ),
+    # Data export as CSV. sigma is -1 for a subset that was not matched.
+    "vic3d": (ExportLayout("VIC-3D", _XYZ, _UVW, key=("x", "y"), rejected=("sigma",)),),
     "aramis": (
         # https://github.com/dlr-wf/aramis-data-exporter (nodemap.txt): lost facets are NaN.
+        ExportLayout("ARAMIS, data exporter", ("x_undef", "y_undef", "z_undef"), _uvw, key=("ID",)),
         ExportLayout(
-            "ARAMIS, data exporter", ("x_undef", "y_undef", "z_undef"), ("u", "v", "w"), key=("ID",)
-        ),
-        ExportLayout(
-            "GOM Inspect, ARAMIS Professional",
-            ("x", "y", "z"),
-            ("displacement_x", "displacement_y", "displacement_z"),
-            key=("id",),
+            "GOM Inspect, ARAMIS Professional", _xyz,
+            ("displacement_x", "displacement_y", "displacement_z"), key=("id",),
         ),
     ),
     "matchid": (
         ExportLayout(
-            "MatchID 2024",
-            ("coor.X", "coor.Y", "coor.Z"),
+            "MatchID 2024", ("coor.X", "coor.Y", "coor.Z"),
             ("disp.Horizontal Displacement U", "disp.Vertical Displacement V", "disp.Out-Of-Plane: W"),
             key=("Coordinates.Image X", "Coordinates.Image Y"),
         ),
-        ExportLayout("MatchID to 2023", ("x", "y", "z"), ("u", "v", "w"), key=("x_pic", "y_pic")),
+        ExportLayout("MatchID to 2023", _xyz, _uvw, key=("x_pic", "y_pic")),
     ),
+    # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
     "dice": (
-        # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
         _DICE,
         replace(_DICE, program="DICe without subset numbers", key=("COORDINATE_X", "COORDINATE_Y")),
     ),
     "opencorr": (
         ExportLayout(
-            "OpenCorr",
-            ("ref_x", "ref_y", "ref_z"),
-            ("u", "v", "w"),
-            key=("x", "y"),
+            "OpenCorr", ("ref_x", "ref_y", "ref_z"), _uvw, key=("x", "y"),
             rejected=("r1r2 ZNCC", "r1t1 ZNCC", "r1t2 ZNCC"),
         ),
     ),
+    # https://github.com/SolavLab/DuoDIC keeps cells of a MATLAB structure: `DUODIC_CURE` writes tables.
     "duodic": (
-        # https://github.com/SolavLab/DuoDIC keeps cells of a MATLAB structure: `DUODIC_CURE` writes tables.
         ExportLayout(
-            "DuoDIC, MultiDIC",
-            ("Points3D_X", "Points3D_Y", "Points3D_Z"),
-            ("DispVec_X", "DispVec_Y", "DispVec_Z"),
-            key=("point",),
+            "DuoDIC, MultiDIC", ("Points3D_X", "Points3D_Y", "Points3D_Z"),
+            ("DispVec_X", "DispVec_Y", "DispVec_Z"), key=("point",),
         ),
     ),
 }
+# fmt: on
 """Name in shot.toml -> layouts. The first layout with all its columns in the header is used."""
 
 
@@ -225,7 +214,8 @@ def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
         for form in layouts:
             lengths = (*form.coordinates, *form.displacements)
             common = all(len(name) == 1 for name in lengths)
-            if _has(sheet, (*lengths, *(form.key if common else ()))) and program not in found:
+            wanted = {*lengths, *(form.key if common else ())}
+            if wanted <= {*sheet.names} and program not in found:
                 headings = [table.names[sheet.names.index(name)] for name in lengths]
                 stated = {unit for heading in headings if (unit := _stated_unit(heading))}
                 found[program] = tuple(sorted(stated))
@@ -257,8 +247,9 @@ def _sheet(path: Path, declared: Layout) -> tuple[str, Sheet, Sheet]:
 def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
     """The points of one frame."""
     sha256, table, sheet = _sheet(path, declared)
-    fitting = [form for form in LAYOUTS[layout] if _has(sheet, (*form.coordinates, *form.displacements))]
-    chosen = next((form for form in fitting if _has(sheet, form.key)), fitting[0] if fitting else None)
+    names = {*sheet.names}
+    fitting = [form for form in LAYOUTS[layout] if {*form.coordinates, *form.displacements} <= names]
+    chosen = next((form for form in fitting if {*form.key} <= names), fitting[0] if fitting else None)
     if chosen is None:
         forms = " or ".join(
             ", ".join((*form.key, *form.coordinates, *form.displacements)) for form in LAYOUTS[layout]
@@ -284,7 +275,7 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
     gone = ~(np.isfinite(coordinates).all(axis=1) & np.isfinite(displacements).all(axis=1))
     state[gone] = int(PointState.MISSING)
     keys: tuple[object, ...] = tuple(range(len(coordinates)))
-    if all(name in sheet.names for name in chosen.key) and chosen.key:
+    if chosen.key and {*chosen.key} <= names:
         keys = tuple(map(tuple, columns(chosen.key)))
         if len(set(keys)) < len(keys):
             twice = next(key for i, key in enumerate(keys) if key in keys[:i])
@@ -313,10 +304,6 @@ def _stated_unit(heading: str) -> str:
     brackets = full_match(_HEADING_UNIT, heading)
     stated = brackets.group(1).strip() if brackets is not None else ""
     return stated if stated in UNITS else ""
-
-
-def _has(sheet: Sheet, names: Sequence[str]) -> bool:
-    return all(name in sheet.names for name in names)
 
 
 def _frame_numbers(paths: Sequence[Path]) -> IntArray:

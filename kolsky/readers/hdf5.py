@@ -140,7 +140,7 @@ def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: Header
     def fault(message: str, sample: int | None, cure: str) -> InputError:
         return InputError(path, message, cure=cure)
 
-    clock = array_clock(values, name=array.name, fault=fault, interval=header.interval, source=header.source)
+    clock = array_clock(values, header, name=array.name, fault=fault)
     words = clock.source if layout.time_unit or array.unit else f"{clock.source}, taken as seconds"
     start = clock.start if layout.start is None else layout.start
     measured = None if clock.measured is None else clock.measured + (start - clock.start)

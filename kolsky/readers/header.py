@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, SHOT_KINDS, dimension_of, unit_factor
@@ -497,17 +498,12 @@ def names_by_key(
     units: tuple[str | None, ...],
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
     """Names and units from header lines with a key (Yokogawa: TraceName, VUnit)."""
-    named, measured = list(names), list(units)
+    found: dict[str, list[Any]] = {"tracename": list(names), "vunit": list(units)}
     for key, fields in metadata.items():
-        bare = bare_key(key)
-        if bare not in ("tracename", "vunit") or len(fields) != len(columns):
-            continue
-        for column, field in zip(columns, fields, strict=True):
-            if bare == "tracename":
-                named[column] = field
-            else:
-                measured[column] = field
-    return tuple(named), tuple(measured)
+        if bare_key(key) in found and len(fields) == len(columns):
+            for column, field in zip(columns, fields, strict=True):
+                found[bare_key(key)][column] = field
+    return tuple(found["tracename"]), tuple(found["vunit"])
 
 
 def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
@@ -522,14 +518,9 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
     """Check that no line has too few fields. Raises InputError with the number of the line."""
-    for number, line in enumerate(lines):
+    for number, line in enumerate(lines, start=1):
         fields = line.count(separator) + 1
         if fields < least:
-            last = number == len(lines) - 1
-            raise InputError(
-                path,
-                f"has {fields} fields, {least} are needed"
-                + ("; the file seems to be cut off" if last else ""),
-                line=number + 1,
-                cure="copy or export the file again",
-            )
+            cut = "; the file seems to be cut off" if number == len(lines) else ""
+            message = f"has {fields} fields, {least} are needed{cut}"
+            raise InputError(path, message, line=number, cure="copy or export the file again")

@@ -54,8 +54,31 @@ def read(path: Path, layout: Layout) -> Contents:
     decimal = (file_keys.get("Decimal_Separator") or ["."])[0] or ","
     if ends[1] + 2 >= len(lines):
         raise InputError(path, "has a header but no data", line=len(lines), cure="export it again")
-    names, columns, times = _columns(path, lines[ends[1] + 1], separator, file_keys, count, ends[1] + 2)
-    rows = [_without_comment(line, separator, len(names)) for line in lines[ends[1] + 2 :]]
+    headings = [part.strip() for part in lines[ends[1] + 1].split(separator)]
+    kind = (file_keys.get("X_Columns") or ["One"])[0]
+    times: tuple[int, ...] = ()
+    if kind == "One":
+        columns, times = range(1, count + 1), (0,)
+    elif kind == "Multi":
+        columns, times = range(1, 2 * count, 2), tuple(range(0, 2 * count, 2))
+    elif kind == "No":  # in most files the column of times exists, but is empty
+        empty = int(headings[0] == "X_Value")
+        columns = range(empty, count + empty)
+    else:
+        raise InputError(path, f"says X_Columns = {kind}", allowed="No, One or Multi", cure="export it again")
+    width = columns[-1] + 1
+    if len(headings) < width:
+        raise InputError(
+            path,
+            f"names {len(headings)} columns, the header announces {width}",
+            line=ends[1] + 2,
+            cure="the file is damaged or cut off; copy or export it again",
+        )
+    names = tuple(name or str(i + 1) for i, name in enumerate(headings[:width]))
+    rows = []
+    for parts in (line.split(separator) for line in lines[ends[1] + 2 :]):
+        parts = parts[:width] if len(parts) == width + 1 else parts  # without a last column of comments
+        rows.append(separator.join(part.strip() for part in parts))
     units = [*segment_keys.get("Y_Unit_Label", []), *[None] * count]
     metadata = {**file_keys}
     for key, fields in segment_keys.items():
@@ -85,39 +108,3 @@ def read(path: Path, layout: Layout) -> Contents:
         facts=facts,
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )
-
-
-def _columns(
-    path: Path, line: str, separator: str, keys: dict[str, list[str]], count: int, number: int
-) -> tuple[tuple[str, ...], tuple[int, ...], tuple[int, ...]]:
-    """Names of all columns, the columns of the channels and those of the times, counted from 0."""
-    kind = (keys.get("X_Columns") or ["One"])[0]
-    names = [part.strip() for part in line.split(separator)]
-    times: tuple[int, ...] = ()
-    columns: tuple[int, ...]
-    if kind == "One":
-        width, columns, times = count + 1, tuple(range(1, count + 1)), (0,)
-    elif kind == "Multi":
-        width, columns, times = 2 * count, tuple(range(1, 2 * count, 2)), tuple(range(0, 2 * count, 2))
-    elif kind == "No":
-        # In most files the column of times exists, but is empty.
-        empty = names[0] == "X_Value"
-        width, columns = count + empty, tuple(range(int(empty), count + empty))
-    else:
-        raise InputError(path, f"says X_Columns = {kind}", allowed="No, One or Multi", cure="export it again")
-    if len(names) < width:
-        raise InputError(
-            path,
-            f"names {len(names)} columns, the header announces {width}",
-            line=number,
-            cure="the file is damaged or cut off; copy or export it again",
-        )
-    return tuple(name or str(i + 1) for i, name in enumerate(names[:width])), columns, times
-
-
-def _without_comment(line: str, separator: str, width: int) -> str:
-    """A line of samples without the last column of comments. Most lines do not have this column."""
-    parts = line.split(separator)
-    if len(parts) == width + 1:
-        parts = parts[:width]
-    return separator.join(part.strip() for part in parts)

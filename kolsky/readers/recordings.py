@@ -194,8 +194,17 @@ def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
 
     Raises InputError if the file cannot be read.
     """
-    contents = read_contents(path, layout=layout)
-    return [_info(contents, channel) for channel in contents.channels]
+    contents, found = read_contents(path, layout=layout), []
+    for channel in contents.channels:
+        start, interval = None, None
+        try:
+            clock = _clock(contents, channel)
+            start, interval, words = clock.start, clock.interval, clock.source
+        except InputError as error:
+            words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"
+        said = channel.name, channel.number, channel.unit, channel.samples
+        found.append(ChannelInfo(*said, start, interval, words, contents.facts, contents.metadata))
+    return found
 
 
 def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
@@ -319,24 +328,3 @@ def _clock(contents: Contents, channel: Channel) -> Clock:
             cure="state start and interval in the layout",
         )
     return clock
-
-
-def _info(contents: Contents, channel: Channel) -> ChannelInfo:
-    try:
-        clock = _clock(contents, channel)
-    except InputError as error:
-        start, interval = None, None
-        words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"
-    else:
-        start, interval, words = clock.start, clock.interval, clock.source
-    return ChannelInfo(
-        name=channel.name,
-        number=channel.number,
-        unit=channel.unit,
-        samples=channel.samples,
-        start=start,
-        interval=interval,
-        time=words,
-        facts=contents.facts,
-        metadata=contents.metadata,
-    )

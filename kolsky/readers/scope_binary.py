@@ -85,9 +85,16 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     header = channel.waveform.header
     volts = np.asarray(channel.volts, dtype=np.float64)
     name = str(channel.name).replace(" ", "")
+    unit = str(getattr(channel.unit, "name", "")).upper()  # V, A, W or "unknown"
     samples = volts.size
     check_samples(path, name, samples)
-    _check_count(path, name, header, samples)
+    promised = getattr(header, "n_pts", samples)  # the library does not always check it
+    if isinstance(promised, int) and samples < promised:
+        raise InputError(
+            path,
+            f"channel '{name}' ends after {samples} of {promised} samples",
+            cure="the file is cut off; copy it again",
+        )
 
     def clock() -> Clock:
         start = float(channel.times[0]) if layout.start is None else layout.start
@@ -110,7 +117,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     return Channel(
         name=name,
         number=channel.channel_number,
-        unit=_unit(channel),
+        unit=unit if unit in ("V", "A") else None,
         samples=samples,
         values=lambda: volts,
         clock=clock,
@@ -121,23 +128,6 @@ def _shortest(interval: float) -> float:
     """An interval stored in single precision, as the shortest decimal number with that value."""
     single = np.float32(interval)
     return float(str(single)) if float(single) == interval else interval
-
-
-def _unit(channel: Any) -> str | None:
-    """The unit of a channel. The library gives volts, amperes, watts or "unknown"."""
-    name = str(getattr(channel.unit, "name", "")).upper()
-    return name if name in ("V", "A") else None
-
-
-def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
-    """Check the length of a record against its header. The library does not always check it."""
-    promised = getattr(header, "n_pts", samples)
-    if isinstance(promised, int) and samples < promised:
-        raise InputError(
-            path,
-            f"channel '{name}' ends after {samples} of {promised} samples",
-            cure="the file is cut off; copy it again",
-        )
 
 
 def _check_curve(path: Path) -> None:

@@ -124,12 +124,7 @@ class Sheet:
             self._checked.append(True)
             return
         for number, row in enumerate(self.rows):
-            if character == " ":
-                fields = len(row.split())
-            elif '"' in row:
-                fields = len(self.dialect.split(row))
-            else:
-                fields = row.count(character) + 1
+            fields = len(self.dialect.split(row))
             if fields == count and row.strip():
                 continue
             last = number == len(self.rows) - 1
@@ -166,7 +161,7 @@ class Sheet:
         return self.error(f"column '{self.names[column]}' cannot be read: {fallback}", None, "export again")
 
 
-def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
+def _first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
     """Index of the first line of samples: the declared one, else the first that has their form."""
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
@@ -183,14 +178,10 @@ def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: La
     )
 
 
-def names_and_units(
+def _heading_lines(
     path: Path, lines: Sequence[str], first: int, dialect: Dialect, layout: Layout
-) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
-    """Names and units of the columns, their source, and the indices of their lines (from 0).
-
-    The names are on the last line above the samples with as many fields, or above it if it has only units.
-    Raises InputError if a declared line does not fit, or if the line is a damaged line of samples.
-    """
+) -> tuple[int, int]:
+    """Indices of the lines of names (the last with as many fields as the samples) and of units, or -1."""
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
     if not fitting and first:
         _check_decimal_commas(path, lines, first, dialect)
@@ -214,20 +205,7 @@ def names_and_units(
             _check_heading(path, dialect, lines[header_line], header_line)
     else:
         header_line = layout.header_line - 1
-    count = dialect.fields
-    headings = _cells(dialect, lines[header_line]) if header_line >= 0 else [""] * count
-    split = [split_unit(heading) for heading in headings]
-    headings += [""] * (count - len(headings))
-    names = tuple(heading or str(i + 1) for i, heading in enumerate(headings))
-    units: list[str | None] = [unit for _, unit in split]
-    if units_line >= 0:
-        for i, text in enumerate(_cells(dialect, lines[units_line])):
-            plain = text.strip("()[] ")
-            units[i] = plain if plain and not dialect.is_number(plain) else units[i]
-    facts = {"header": str(header_line + 1) if header_line >= 0 else "none; columns have numbers"}
-    if units_line >= 0:
-        facts["units"] = str(units_line + 1)
-    return names, tuple(units), facts, {i for i in (header_line, units_line) if i >= 0}
+    return header_line, units_line
 
 
 def _cells(dialect: Dialect, line: str) -> list[str]:
@@ -329,7 +307,7 @@ def find_table(
     dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal, word=word)
     if dialect.delimiter == " ":
         lines = [line.strip() for line in lines]
-    first = first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
+    first = _first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
     if first > LONGEST_HEADER:
         raise InputError(
             path,
@@ -338,18 +316,27 @@ def find_table(
             cure="is it the right file? if so, export the samples alone",
         )
     above = [uncommented(line, layout.comment) for line in lines[:first]]
-    names, units, facts, headings = names_and_units(path, above, first, dialect, layout)
+    header_line, units_line = _heading_lines(path, above, first, dialect, layout)
+    headings = _cells(dialect, above[header_line]) if header_line >= 0 else []
+    headings += [""] * (dialect.fields - len(headings))
+    units = [split_unit(heading)[1] for heading in headings]
+    facts = {"header": str(header_line + 1) if header_line >= 0 else "none; columns have numbers"}
+    if units_line >= 0:
+        facts["units"] = str(units_line + 1)
+        for i, text in enumerate(_cells(dialect, above[units_line])):
+            plain = text.strip("()[] ")
+            units[i] = plain if plain and not dialect.is_number(plain) else units[i]
     return FoundTable(
         path=path,
         dialect=dialect,
         rows=lines[first:],
         first_line=first + 1,
-        names=names,
-        units=units,
+        names=tuple(heading or str(i + 1) for i, heading in enumerate(headings)),
+        units=tuple(units),
         word=word,
         above=above,
         facts=facts,
-        headings=headings,
+        headings={i for i in (header_line, units_line) if i >= 0},
     )
 
 
@@ -430,16 +417,7 @@ class SignalTable:
                 )
             return stated_clock(interval, start, header.source)
         values, digit = self._times(number)
-        return column_clock(
-            values,
-            digit,
-            name=sheet.names[number],
-            fault=sheet.error,
-            interval=interval,
-            tolerance=header.interval_digit,
-            start=start,
-            source=header.source,
-        )
+        return column_clock(values, digit, header, name=sheet.names[number], fault=sheet.error)
 
     def _first_time(self, header: HeaderClock) -> float | None:
         """Time of the first sample [s]; a count that does not begin at 1 is the number of missing samples."""

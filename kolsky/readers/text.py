@@ -200,47 +200,30 @@ _REMARK_CURE = (
     "are there remarks, a mean or a second table below the numbers? keep the lines of one table; else "
     "correct the line"
 )
-_CURES = tuple(
-    (re.compile(pattern, re.IGNORECASE), cure)
-    for pattern, cure in (
-        (
-            r"",
-            "the field is empty: give its value, or leave the line out; a formula that was never calculated "
-            "is empty too: open the workbook and save it",
-        ),
-        (
-            r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?",
-            "it marks a missing value: leave the line out, or export without gaps",
-        ),
-        (
-            r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*",
-            "it is a date or a time of day: export seconds as plain numbers (a spreadsheet makes dates of "
-            "numbers such as 3.4)",
-        ),
-        (
-            r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f'’.,]\d{3})+(?:[.,]\d+)?",
-            "it has signs between thousands, or another decimal sign than the other numbers: export numbers "
-            "without the former and with one decimal sign",
-        ),
-        (
-            r"[+-]?\d*[.,]\d+(?:e[+-]?\d+)?",
-            "its decimal sign is not that of the other numbers: export all with one decimal sign; in a "
-            "workbook, make numbers of the cells that are text",
-        ),
-        (r"[+-]?[\d.,]+d[+-]?\d+", "write the exponent with E, not with D"),
-        (r"[−–]\s*[\d.,].*", "its minus sign is a longer dash: export with the plain sign -"),
-        (
-            r"[+-]?[\d.,]+\s*[^\W\d_%°]?[%°]?[^,;]{0,12}",
-            "export numbers without a unit behind them: it belongs in the heading",
-        ),
-    )
-)
+_CURES = {
+    r"": "the field is empty: give its value, or leave the line out; a formula that was never calculated is "
+    "empty too: open the workbook and save it",
+    r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?": "it marks a missing value: leave "
+    "the line out, or export without gaps",
+    r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*": "it is a date or a time of day: export "
+    "seconds as plain numbers (a spreadsheet makes dates of numbers such as 3.4)",
+    r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f'’.,]\d{3})+(?:[.,]\d+)?": "it has signs between thousands, or "
+    "another decimal sign than the other numbers: export numbers without the former and with one decimal "
+    "sign",
+    r"[+-]?\d*[.,]\d+(?:e[+-]?\d+)?": "its decimal sign is not that of the other numbers: export all with "
+    "one decimal sign; in a workbook, make numbers of the cells that are text",
+    r"[+-]?[\d.,]+d[+-]?\d+": "write the exponent with E, not with D",
+    r"[−–]\s*[\d.,].*": "its minus sign is a longer dash: export with the plain sign -",
+    r"[+-]?[\d.,]+\s*[^\W\d_%°]?[%°]?[^,;]{0,12}": "export numbers without a unit behind them: it belongs in "
+    "the heading",
+}
 """Pattern of a field that is not a number -> the advice. The first match is used."""
 
 
 def cure_of(field: str) -> str:
     """The advice for a field that should be a number but is not."""
-    return next((cure for form, cure in _CURES if full_match(form, field) is not None), _REMARK_CURE)
+    forms = ((re.compile(pattern, re.IGNORECASE), cure) for pattern, cure in _CURES.items())
+    return next((cure for form, cure in forms if full_match(form, field) is not None), _REMARK_CURE)
 
 
 @dataclass(frozen=True)
@@ -455,13 +438,9 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     """The dialect of the lines with another delimiter than the declared one."""
-    for character in (d.character for d in DELIMITERS):
-        for decimal in (".", ","):
-            if character not in (stated, decimal):
-                dialect = _columns(lines, character, decimal)
-                if dialect is not None and dialect.fields > 1:
-                    return dialect
-    return None
+    others = [(d.character, sign) for d in DELIMITERS for sign in ".," if d.character not in (stated, sign)]
+    found = (_columns(lines, *other) for other in others)
+    return next((dialect for dialect in found if dialect is not None and dialect.fields > 1), None)
 
 
 def declared_delimiter(path: Path, value: str) -> str:
