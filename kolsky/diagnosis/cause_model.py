@@ -47,8 +47,7 @@ class CauseModel:
 
     ``x``, ``refined``: point of that run, shape [d], and the run, a batch of one. ``first``: an input that is
     free in addition to the parameters, or None; its coordinate is the last entry of every x. ``numerics``:
-    another mesh than the surrogate's. Raises ValueError if the run at `x` does not complete on the
-    surrogate's mesh.
+    another mesh than the surrogate's. Raises ValueError if the run at `x` fails on its mesh.
     """
 
     def __init__(

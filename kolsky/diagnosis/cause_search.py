@@ -291,8 +291,7 @@ Value = tuple[Cause, float]
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
     """Starts: the best large changes of every candidate, with the free parameters by a linear step.
 
-    All large changes are run in one launch on a coarse mesh. Then finer values about the best are run to find
-    narrow minima.
+    All large changes are run in one launch on a coarse mesh. Finer values about the best find narrow minima.
     """
     values = _within_bounds([(c, u) for c in candidates for u in c.scan])
     trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])

@@ -37,13 +37,11 @@ from kolsky.shot.input_records import SHOWN, UNCHANGED, Cause, Change
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, FRAME_RATE, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
-"""A change is significant if its probability is below this. The probability is adjusted for all inputs
-tried."""
+"""A change is significant if its probability, adjusted for all inputs tried, is below this."""
 EVIDENCE = 100.0
 """Smallest evidence of a cause that is reported; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
-"""Inputs cannot be distinguished if their losses differ by less than this: likelihoods within a factor of
-exp(5)."""
+"""Inputs with a smaller difference of their losses are alike: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
@@ -86,19 +84,18 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
         groups = [row[0] for row in (*likely, *rest) if not row[0].lost]
     else:
         groups = [row[0] for row in likely]
-    return tuple(
-        _finding(search, *row, alike=_indistinguishable(search, row[0], groups) if row[-1] else ())
-        for row in (*likely, *rest)
-    )
+    found = []
+    for row in (*likely, *rest):
+        loss = search.loss(row[0].misfits)
+        near = [t for t in groups if t is not row[0] and abs(search.loss(t.misfits) - loss) <= ALIKE]
+        found.append(_finding(search, *row, alike=tuple(t.candidate.key for t in near if row[-1])))
+    return tuple(found)
 
 
 def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
-    """True if the leading input after a refuted one belongs to its pair and is separately significant.
-
-    This is a closed test. Evidence and share of the first input, which those of the pair exceed, refute that
-    both values are correct. The probability of this value with the first input free refutes that it is
-    correct, if the likelihoods can be distinguished.
-    """
+    """True if the leading input after a refuted one is of its pair and significant by itself."""
+    # Evidence and share of the first input refute that both values are correct, the probability of this
+    # value with the first input free that this one is.
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
     return pair and not t.lost and gain > ALIKE and probability < LEVEL
@@ -153,11 +150,9 @@ def _unusual(search: CauseSearch, t: Trial) -> float:
 
 
 MISTAKE = 2.0
-"""A usual mistake (a factor of two, another definition) counts as this many standard uncertainties. Its
-probability is one input in twenty."""
+"""Size of a usual mistake (a factor of two, another definition) in standard uncertainties: 1 input in 20."""
 NEAR = 0.05
-"""A value within this share of a mistake's size counts as this mistake. Errors of other inputs cause the
-difference."""
+"""A value within this share of a mistake's size, by errors of other inputs, counts as this mistake."""
 
 
 def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
@@ -174,14 +169,6 @@ def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: fl
         if abs(value - mistake) <= reach:
             away = min(away, MISTAKE)
     return away
-
-
-def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:
-    return tuple(
-        t.candidate.key
-        for t in likely
-        if t is not one and abs(search.loss(t.misfits) - search.loss(one.misfits)) <= ALIKE
-    )
 
 
 def _chance(search: CauseSearch, t: Trial) -> float:
@@ -364,11 +351,7 @@ CONTENDERS = 4
 
 
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
-    """Strong inputs within `KEPT` of the largest evidence, whose order the mesh error could change.
-
-    With a changed input, the correction by the run at the answer is less accurate. Far beyond the bound of
-    the stiffness, and for a stretched run, the meshes have another phase difference.
-    """
+    """Strong inputs near the largest evidence, or far in phase, whose order the mesh error could change."""
     strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
     strong.sort(key=lambda one: judge.loss(one.seen.misfits))
     most = max((judge.gain(one.seen.misfits) for one in strong), default=0.0)
@@ -499,8 +482,7 @@ def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Tr
 
 
 SURE = 1e-6
-"""If the data are explained, a change counts only below this probability. It is adjusted for all inputs
-tried."""
+"""If the data are explained, a change counts only below this probability, adjusted for all inputs tried."""
 
 
 def with_suspects(

@@ -35,8 +35,7 @@ ROUNDS = 15
 LAG_STAYS = 1e-8
 """A lag has converged if it changes by less than this [s]. It is a fiftieth of what the data resolve."""
 AT_REST = 1e-2
-"""Free parameters have converged if they change by less than this, in standard deviations: 1e-4 in -2 ln
-L."""
+"""Change of the free parameters at convergence, in standard deviations: 1e-4 in -2 ln L."""
 
 Shifted = Callable[[FloatArray], FloatArray]
 """Predicted data vector, shape [k], of a force and an outline with late records, or its slopes by the free
@@ -270,8 +269,7 @@ def clock_lags(
 
     ``shot``: for the names of files and keys. ``response``: the run at the optimum. ``objective``: with its
     discrepancies. ``jacobian``: of the data vector by the free parameters, shape [k, d]. ``changes``: as for
-    `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range;
-    without it, such lags are not refined.
+    `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range.
     """
     shifted = late_prediction(response, objective)
     recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)

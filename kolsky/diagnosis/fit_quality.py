@@ -69,11 +69,9 @@ SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 ALONE = 0.1
 """A channel does not determine the value of a parameter if its share of the information is below this."""
 CHECKS = 2.0
-"""Such a channel still confirms the value if its separate uncertainty is at most this many times the
-answer's."""
+"""Such a channel still confirms the value with at most this many times the answer's uncertainty."""
 CONTRADICTION = 4.0
-"""Force and outline contradict each other if they differ by more than this many standard uncertainties of
-their difference."""
+"""Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
 """Misfit of a channel above which large changes of inputs are tried. 1 is the residual of a correct model.
 Below this value, a linear step is enough."""
@@ -181,9 +179,7 @@ def residual_quality(
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
-    """A change minus the part that the parameters absorb, ``c - J G c``; entries that are not finite count as
-    0.
-    """
+    """A change minus the part that the parameters absorb, ``c - J G c``; entries not finite count as 0."""
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
 
@@ -195,8 +191,7 @@ def information_shares(
 
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
     covariance C; for independent data, the term is ``(g_ik sigma_k)^2``. The shares sum to one. Data that
-    only remove a common error from others have a negative share. A parameter without effect on the data has
-    NaN.
+    only remove a common error from others have a negative share. NaN: without effect.
     """
     parts = gain * spread
     total = parts.sum(axis=1)
@@ -225,8 +220,7 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
 def blocks(objective: Objective, channel: str) -> IntArray:
     """Number of the block of each entry of a channel, counted from 0 without gaps, shape [n].
 
-    Blocks have equal time spans. In each, the lowest, middle and highest third of every frame's points are
-    separate blocks.
+    Blocks have equal time spans. The lowest, middle and highest third of a frame's points are apart.
     """
     times = objective.times[_mask(objective, channel)]
     span = max(float(np.ptp(times)), np.finfo(float).tiny)

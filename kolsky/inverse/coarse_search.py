@@ -62,11 +62,9 @@ def search(
 
 
 STARTS = 3
-"""Number of values along each edge of the box from which the best one is the start, because the model may
-have several minima; for one parameter its cube."""
+"""Number of start values along each edge of the box, against several minima; for one parameter its cube."""
 REST = 1e-6
-"""The search ends if it expects a smaller decrease of chi-square. The optimum is then a thousandth of a
-standard deviation away."""
+"""The search ends if it expects a smaller decrease of chi-square: a thousandth of a standard deviation."""
 
 
 def _by_least_squares(

@@ -231,8 +231,7 @@ def differences(vectors: FloatArray, up: FloatArray, down: FloatArray) -> FloatA
 MOST_MOVES = 2
 """Maximum number of path corrections: each reduces the path error to the relative error of the patterns."""
 AMPLITUDES_STAY = 0.2
-"""The path has converged if the root mean square change of its amplitudes is smaller than this [-]. Each
-amplitude has a standard normal prior."""
+"""Rms change of the path's amplitudes at convergence [-]. Each amplitude has a standard normal prior."""
 
 
 SearchUnderPath = Callable[

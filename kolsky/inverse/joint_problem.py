@@ -79,8 +79,7 @@ class Stack:
     curve: FloatArray | None = None
     """Changes of all data by the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
     slow_scatter: FloatArray | None = None
-    """Changes of all data by the stiffness of each slow test's specimen. Between these specimens, the
-    stiffness scatters as between the shots."""
+    """Changes of all data by the stiffness of each slow test's specimen, which scatters as the shots do."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -170,8 +169,7 @@ class Stack:
 
 
 BLIND = 0.1
-"""An unknown is unconstrained if its whole range changes the data by less than this, in standard
-deviations."""
+"""An unknown is unconstrained if its whole range changes the data by less, in standard deviations."""
 
 
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
@@ -286,7 +284,7 @@ class JointProblem:
 
     def known(self, x: FloatArray) -> FloatArray:
         """Residuals of the prior knowledge: declared values, and smoothness of the nodes' factors."""
-        n = self.unknowns.n_parameters
+        n = len(self.unknowns.bounds)
         rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
         if self.unknowns.nodes:
             rows.append(smoothness(self.unknowns.nodes, self.settings.curve_roughness) @ x[n:])
@@ -409,10 +407,6 @@ class JointProblem:
                 n = len(one.observations.bins.mean)
                 row[start : start + n] = sigma * one.objective.data[:n]
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
-
-    def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
-        """The weights with the discrepancies estimated from a residual."""
-        return self.stack.whitening(self.stack.weighed(residual), more)
 
     @property
     def declared(self) -> FloatArray:

@@ -56,11 +56,6 @@ class Unknowns:
         return design_box(self.bounds) if self.bounds else None
 
     @property
-    def n_parameters(self) -> int:
-        """Free parameters."""
-        return len(self.bounds)
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of all unknowns."""
         return (*self.bounds, *(f"curve_{k}" for k in range(1, self.nodes + 1)))
@@ -86,7 +81,7 @@ class Unknowns:
         ``x``: the point, [d].
         """
         if self.nodes:
-            found = slopes[:, self.n_parameters :].sum(axis=1)
+            found = slopes[:, len(self.bounds) :].sum(axis=1)
         else:
             i = self.names.index(MOVED)
             found = slopes[:, i] * x[i]
@@ -202,7 +197,7 @@ class JointRuns:
         if unknowns.nodes:
             if material.any():
                 raise ValueError("a free curve has no separate noise: request curve 0")
-            logs, material = np.unique(points[:, unknowns.n_parameters :], axis=0, return_inverse=True)
+            logs, material = np.unique(points[:, len(unknowns.bounds) :], axis=0, return_inverse=True)
             curve = forward.shot.curve
             laws = [marlow_from_curve(curve.stretch, with_factors(curve, row)) for row in logs]
             forward = replace(forward, laws=tuple(laws))

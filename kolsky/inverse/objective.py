@@ -236,8 +236,7 @@ def weighting_with_prior(objective: Objective, known: int) -> Callable[[FloatArr
 
 
 PATTERN_ERROR = 0.2
-"""Standard uncertainty of the front face's patterns, as a share of their size [-]. It is independent from
-entry to entry."""
+"""Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 
 
 WITHOUT_DISCREPANCIES = frozenset(
@@ -549,11 +548,8 @@ class Objective:
         best = (gain * self.own_sigma**2) @ gain.T + known
         best = correlated_in_blocks(score, self.block, best, known)
         together = ((gain @ self.known_common.T) ** 2).sum(axis=1)
-        short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
-        scale = np.sqrt(np.maximum(short, 1.0))
-        return np.asarray(scale[:, None] * best * scale)
-
-    def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
-        """Variances of the optimum with uncorrelated weights (total variance of each entry), shape [d]."""
+        # variances of the optimum with uncorrelated weights, the total variance of each entry
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
-        return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+        plain = np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+        scale = np.sqrt(np.maximum((plain - together) / np.diag(best), 1.0))
+        return np.asarray(scale[:, None] * best * scale)

@@ -19,8 +19,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 
 LEAST_STEP = 1e-7
-"""Two neighbouring nodes lie on one platen if their y differ by less than this [m]. It is above the solver's
-round-off and far below the distance of two free nodes."""
+"""Nodes nearer than this in y lie on one platen [m]; far above round-off, far below two free nodes."""
 HEIGHT_TOLERANCE = 1e-12
 """Tolerance of y at the measured height [m]."""
 MOST_BISECTIONS = 100

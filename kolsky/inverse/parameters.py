@@ -74,8 +74,7 @@ class Parameter:
     slides: bool = False
     """True if naming the parameter makes faces and side slide by Coulomb's law, whatever is declared."""
     read_by: str = ""
-    """Field of `explicit.contact.ContactLaw` that is true if a law reads the parameter. Empty if it has an
-    effect without a contact law."""
+    """Field of `explicit.contact.ContactLaw`, true if a law reads the parameter; empty if none must."""
     without: str = ""
     """The reason, in words, why it has no effect without a contact law that reads it."""
     scale: Callable[[float], float] | None = None

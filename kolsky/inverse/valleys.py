@@ -199,7 +199,7 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
 
 def search_box(box: Box) -> Box:
     """The box of the search, with the logarithm of 1 - 2 nu and of parameters that span decades."""
-    bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
+    bounds = dict(zip(box.names, zip(box.lower, box.upper, strict=True), strict=True))
     decades = [name for name in box.names if name in PARAMETERS and PARAMETERS[name].logarithmic]
     if VALLEY in bounds:
         low, high = bounds[VALLEY]

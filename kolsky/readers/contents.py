@@ -32,8 +32,7 @@ class ChannelInfo:
     name: str
     """Its name in the file. The name selects the channel."""
     number: int
-    """Its number among the columns or channels of the file, counted from 1. The number also selects the
-    channel."""
+    """Its number among the columns or channels, counted from 1. It selects the channel too."""
     unit: str | None
     """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
@@ -234,8 +233,7 @@ def find_column(
 
     ``path``, ``line``, ``cure``: for messages. ``what``: the column's kind, e.g. "time column". ``numbers``:
     numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not their names.
-    ``purpose``: what it is for, e.g. " for the stress". Raises InputError if no column, or more than one, has
-    the name.
+    ``purpose``: what it is for, e.g. " for the stress". Raises InputError if not one column has it.
     """
     found = [i for i, name in enumerate(names) if name in (wanted, f"/{wanted}")]
     if not found and str(wanted).isdecimal():
@@ -272,7 +270,9 @@ Fault = Callable[[str, int | None, str], InputError]
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
     """The last printed digit of each number; the finest one among numbers of one decade and notation."""
-    numbers = [_printed(field) for field in fields]
+    plain = [Decimal(field) for field in fields]
+    # figures after the 15th come from the binary representation
+    numbers = [n if len(n.as_tuple().digits) <= 15 else n.normalize(_FIFTEEN) for n in plain]
     kinds = [
         (number.adjusted() if number else None, "e" in field.lower())
         for number, field in zip(numbers, fields, strict=True)
@@ -289,8 +289,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
 
     `SAMPLED` rows are examined. The others get the digit of their decade.
 
-    ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in the unit of `values`,
-    shape [n].
+    ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in their unit, shape [n].
     """
     if values.size <= SAMPLED:
         return _printed_digits([field_of(row) for row in range(values.size)])
@@ -325,7 +324,9 @@ def column_clock(
     shown, doubt = _mean_step(time, digit)
     if interval is None:
         varies = check_steps(time, digit, name=name, fault=fault)
-        shown = _without_noise(shown, doubt)
+        # rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits
+        figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(shown / doubt))) + 4
+        shown = float(f"{shown:.{min(15, figures)}g}")
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
@@ -356,8 +357,7 @@ def column_clock(
 def array_clock(time: FloatArray, header: HeaderClock, *, name: str, fault: Fault) -> Clock:
     """The clock of times stored as binary numbers. Their printed digits are unknown.
 
-    Arguments and errors are those of `column_clock`. A time may deviate from uniform times by 5 % of the
-    interval.
+    Arguments and errors are those of `column_clock`. A time may be off by 5 % of the interval.
     """
     interval, source = header.interval, header.source
     _sorted(time, name, fault)
@@ -385,18 +385,6 @@ def array_clock(time: FloatArray, header: HeaderClock, *, name: str, fault: Faul
             f'if the record has no gap, state the interval: interval = "{shown:.6g} s"',
         )
     return Clock(float(time[0]), shown, f"'{name}'")
-
-
-def _printed(field: str) -> Decimal:
-    """A number as it was printed; figures after the 15th come from its binary representation."""
-    number = Decimal(field)
-    return number if len(number.as_tuple().digits) <= 15 else number.normalize(_FIFTEEN)
-
-
-def _without_noise(interval: float, doubt: float) -> float:
-    """The interval rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits."""
-    figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
-    return float(f"{interval:.{min(15, figures)}g}")
 
 
 def _sorted(time: FloatArray, name: str, fault: Fault) -> None:

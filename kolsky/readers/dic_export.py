@@ -148,15 +148,14 @@ def read(
     """Read the points of all frames.
 
     A point is identified by the layout's key or, without a key, by its row. The coordinates of the files may
-    be reference or current positions. The numbers show which: reference positions are constant, current
-    positions change with the displacements.
+    be reference or current positions. The numbers show which: only current ones change.
 
     ``paths``: the files. Their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
     unit of length of coordinates and displacements. None: that of the headings, or mm if they have none.
-    ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if
-    a file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
-    have no frame numbers. The same error is raised if a point is repeated, if rows cannot be distinguished,
-    or if coordinates are of neither kind.
+    ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if a
+    file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
+    have no frame numbers. Also for a repeated point, rows that cannot be distinguished, or coordinates of
+    neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(
@@ -202,8 +201,7 @@ def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
     Names of one letter, such as x, y, z, u, v, w, are common. For such names, the columns that identify a
     point must also be present. `read` does not require them.
 
-    ``path``: one file of a series. Returns: keys of `LAYOUTS`. Empty if the file is not a table, or if its
-    headings match no program.
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`. Empty if the file is no table of a program.
     """
     try:
         _, table, sheet = _sheet(path, Layout())

@@ -1,8 +1,7 @@
 """Excel workbooks (.xlsx, and .xls of Excel 97 to 2003): the stored values of one sheet, without formulas.
 
 openpyxl reads the rows of .xlsx one by one. python-calamine is used for the old .xls, in a child process: it
-first stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the
-process.
+first stores a sheet as a full rectangle. A cell at XFD1048576 then crashes the process.
 """
 
 import math

@@ -291,8 +291,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file. The name of a channel is its path, "/scope/CH1".
 
-    Raises InputError if the file is damaged or not HDF5, if it has too many objects, or if a dataset is in
-    another file.
+    Raises InputError if it is damaged or not HDF5, if it has too many objects, or a dataset in another file.
     """
     sha256 = file_hash(path)
     found = _some_arrays(path)

@@ -44,8 +44,7 @@ _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)"
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
 )
-"""Units that the end of any heading may have. For times, only units of time are allowed. CH_A is not a
-current."""
+"""Units that the end of any heading may have, of times only those of time. CH_A is not a current."""
 _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
 """Beginnings of units of force and stress that testing machines print and `_BASES` lacks."""
 
@@ -279,8 +278,8 @@ def header_clock(
     ``channels``: index of the channel, counted from 0, and number of channels, if a key has one value per
     channel. ``decimal``: decimal sign of the file. A number with the other sign is read if it is unambiguous.
     Returns: the declared clock. Unreadable numbers or units, and contradicting keys, give no interval. The
-    reason is in `HeaderClock.doubt`. Raises InputError if an interval is not positive, or if a key has
-    neither one value nor one per channel.
+    reason is in `HeaderClock.doubt`. Raises InputError if an interval is not positive, or if values do not
+    fit the channels.
     """
     written = time_unit(metadata)
     default = (None if written is None else si_unit(written)) or ("s", 1.0)
@@ -330,8 +329,8 @@ def header_clock(
 def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
     """The clock from named numbers such as "dt" and "t0" or "wf_increment", in seconds.
 
-    ``numbers``: by name, or by path with the name last. ``layout``: its declarations take precedence. Raises
-    InputError if an interval is not positive.
+    ``numbers``: by name, or by path with the name last. ``layout``: it takes precedence. InputError: an
+    interval <= 0.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
     found = stated.declared(path, layout)
@@ -477,8 +476,7 @@ def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]
 
     They are separate columns, or have the form "tInc = 2e-9".
 
-    ``dialect``: division of lines into fields. ``lines``: the line of the names and, if present, the line of
-    the units.
+    ``dialect``: division of lines into fields. ``lines``: that of the names and, if present, of the units.
     """
     rows = [dialect.split(line) for line in lines]
     metadata: dict[str, list[str]] = {}

@@ -26,8 +26,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the one segment of a file.
 
-    Raises InputError if a header has no end, if there are no samples or several segments, or if X_Columns is
-    none of the three.
+    Raises InputError for a header without end, no samples, several segments, or another X_Columns.
     """
     sha256, lines, encoding = read_text(path, layout)
     ends = [i for i, line in enumerate(lines) if line.strip().startswith(_END)]

@@ -4,8 +4,7 @@ Objects, functions, cells and structures are not opened. Save the signals as pla
 PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
 
 SciPy reads versions 5 to 7 in a separate process (`kolsky.readers.child`), because damaged files can crash
-it. Six series of up to 400 files, each with three random bytes changed, ended in a segmentation fault or a
-bus error.
+it. Files with three random bytes changed ended in a segmentation fault or a bus error.
 """
 
 import re

@@ -53,8 +53,7 @@ def read_frame_table(
 
     ``frame``, ``time``: their columns. ``columns``: the other columns to read; None is left out. ``clock``:
     True if the times must increase. ``points``: True if a frame may have several rows. Raises InputError if
-    the file is not such a table, if a frame number is not whole, or if numbers do not increase (with
-    ``points``: decrease).
+    the file is not such a table, if a frame number is not whole, or for numbers out of order.
     """
     table = read_table(path, layout=layout)
     numbers = table.integers(frame)

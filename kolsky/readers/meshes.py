@@ -42,16 +42,14 @@ class MeshFile:
     cell_groups: dict[str, IntArray]
     """Cells in each named group of cells."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, as in these
-    programs: from 1 in Gmsh files, from 0 in VTU files."""
+    """Number of each cell among all of the file, shape [m]: from 1 in Gmsh files, from 0 in VTU files."""
     sha256: str
 
 
 def read_mesh(path: Path, *, dimension: int) -> MeshFile:
     """Read a mesh: Gmsh 2 or 4.1 (.msh), or VTK's XML (.vtu).
 
-    Groups are Gmsh's physical groups. In a VTU file, they are masks in the point data with names that begin
-    with "set:".
+    Groups are Gmsh's physical groups. In a VTU file, they are masks "set:NAME" in the point data.
 
     ``dimension``: 2 for a sheet in the plane z = 0, 3 for a body. Raises InputError if the file cannot be
     read, if it has no elements of this dimension or several kinds of them, or if a sheet is not flat.

@@ -32,8 +32,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises InputError if RigolWFM is missing, if the manufacturer is unknown, or if the file is damaged, cut
-    off or declares XML entities.
+    Raises InputError if RigolWFM is missing, or if the file is unknown, damaged, cut off or declares XML
+    entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
@@ -103,7 +103,9 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         shown = float(channel.times[1] - channel.times[0])
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
-        interval = _shortest(float(own if own is not None else header.seconds_per_point))
+        interval = float(own if own is not None else header.seconds_per_point)
+        if float(single := np.float32(interval)) == interval:
+            interval = float(str(single))  # stored in single precision: the shortest decimal number
         # For some manufacturers, RigolWFM distributes n time steps over n - 1 intervals.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
@@ -122,12 +124,6 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         values=lambda: volts,
         clock=clock,
     )
-
-
-def _shortest(interval: float) -> float:
-    """An interval stored in single precision, as the shortest decimal number with that value."""
-    single = np.float32(interval)
-    return float(str(single)) if float(single) == interval else interval
 
 
 def _check_curve(path: Path) -> None:

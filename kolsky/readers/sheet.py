@@ -64,8 +64,8 @@ class Sheet:
         """The numbers of a column in the unit of the file, shape [n].
 
         ``column``: index of the column, counted from 0. ``gaps``: True if NaN is allowed, as in tables with
-        lost points. Raises InputError if a line has another number of fields than the first, or if a field is
-        not a finite number.
+        lost points. Raises InputError for another number of fields than in the first line, or a field that is
+        no finite number.
         """
         self.check_fields()
         rows: Sequence[str] = self.rows
@@ -77,7 +77,13 @@ class Sheet:
         try:
             numbers = np.loadtxt(rows, delimiter=delimiter, usecols=column, comments=None, ndmin=1)
         except ValueError as error:
-            raise self._first_bad_number(column, str(error)) from None
+            for row in range(len(self.rows)):  # the fast method does not tell which number is bad
+                text = self.dialect.split(self.rows[row])[column]
+                if not self.dialect.is_number(text):
+                    message = f"column '{self.names[column]}' is not a number: '{text[:60]}'"
+                    raise self.error(message, row, cure_of(text)) from None
+            message = f"column '{self.names[column]}' cannot be read: {error}"
+            raise self.error(message, None, "export again") from None
         bad = np.flatnonzero(~(np.abs(numbers) <= LARGEST_SAMPLE) & ~(np.isnan(numbers) & gaps))
         if bad.size:
             row = int(bad[0])
@@ -127,38 +133,22 @@ class Sheet:
             fields = len(self.dialect.split(row))
             if fields == count and row.strip():
                 continue
-            last = number == len(self.rows) - 1
+            last, cure = number == len(self.rows) - 1, "correct the line or export again"
+            if not row.strip():
+                cure = "is there a second table below? keep one table in a file, without empty lines"
+            elif fields == 2 * count and character == ",":
+                cure = "are the commas decimal signs too? export with semicolons between the columns"
+            elif last:
+                cure = "copy or export the file again, without remarks below the numbers"
             raise self.error(
                 f"has {fields} fields, {self.counted} {count}"
                 + ("; the file seems to be cut off" if last and fields < count else "")
                 if row.strip()
                 else "is an empty line between samples",
                 number,
-                self._cure_of_fields(fields, row, last),
+                cure,
             )
         self._checked.append(True)
-
-    def _cure_of_fields(self, fields: int, row: str, last: bool) -> str:
-        """The advice for a line with a wrong number of fields."""
-        if not row.strip():
-            return "is there a second table below? keep one table in a file, without empty lines"
-        if fields == 2 * self.dialect.fields and self.dialect.delimiter == ",":
-            return "are the commas decimal signs too? export with semicolons between the columns"
-        return (
-            "copy or export the file again, without remarks below the numbers"
-            if last
-            else "correct the line or export again"
-        )
-
-    def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """The error for the first bad number, found line by line after the fast method failed."""
-        for row in range(len(self.rows)):
-            text = self.dialect.split(self.rows[row])[column]
-            if not self.dialect.is_number(text):
-                return self.error(
-                    f"column '{self.names[column]}' is not a number: '{text[:60]}'", row, cure_of(text)
-                )
-        return self.error(f"column '{self.names[column]}' cannot be read: {fallback}", None, "export again")
 
 
 def _first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
@@ -464,18 +454,17 @@ class SignalTable:
         return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
-        """The unit of a time column: declared, in the header, or part of its name ("seconds")."""
+        """The unit of a time column: declared, in the header, of its name, or by the header's interval."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
         said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
-        return said or self._unit_by_interval(number)
-
-    def _unit_by_interval(self, number: int) -> str | None:
-        """Seconds, if the column's steps equal the header's interval in seconds; otherwise None."""
-        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
-        if header.interval is None or rows < FEWEST_STEPS:
+        if said or rows < FEWEST_STEPS:
+            return said
+        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
+        if header.interval is None:
             return None
+        # seconds, if the column's steps equal the header's interval in seconds
         first, last = (float(self.sheet.field(number, row)) for row in (0, rows - 1))
         return "s" if abs((last - first) / (rows - 1) / header.interval - 1.0) < SAME_STEP else None
 
@@ -501,12 +490,10 @@ def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
     elif stated is not None:
         times = (sheet.column(stated, "time column"),)
     else:
-        times = tuple(i for i in sheet.dialect.numeric if _is_time(sheet.names[i], sheet.units[i]))
+        columns = [(i, sheet.names[i], sheet.units[i]) for i in sheet.dialect.numeric]
+        times = tuple(
+            i
+            for i, name, unit in columns
+            if (full_match(_TIME_NAME, split_unit(name)[0]) if unit is None else "s" in (si_unit(unit) or ()))
+        )
     return SignalTable(sheet, layout, times)
-
-
-def _is_time(name: str, unit: str | None) -> bool:
-    if unit is not None:
-        known = si_unit(unit)
-        return known is not None and known[0] == "s"
-    return full_match(_TIME_NAME, split_unit(name)[0]) is not None

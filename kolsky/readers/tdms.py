@@ -29,8 +29,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all numeric channels. The name of a channel is "group/channel".
 
-    Raises InputError if npTDMS is missing, if the file is damaged or its last segment is cut off, or if it
-    has no numeric channel.
+    Raises InputError if npTDMS is missing, or if the file is damaged, cut off or without a numeric channel.
     """
     try:
         from nptdms import TdmsFile
@@ -62,9 +61,11 @@ def read(path: Path, layout: Layout) -> Contents:
     if layout.time is not None and not times:
         raise InputError(path, f"has no channel '{layout.time}'", cure="correct time in the layout")
     _check_joined(path, waveforms)
-    begins = [waveforms[name][0].begin for name, *_ in numeric if name in waveforms]
+    begins = {name: waveforms[name][0].begin for name, *_ in numeric if waveforms.get(name)}
+    # delay of each channel with a declared time after the earliest channel of the file [s]
+    delays = {name: max(_since(begin, one) for one in begins.values()) for name, begin in begins.items()}
     channels = [
-        _channel(path, name, number, samples, properties, layout, _delay(waveforms.get(name), begins))
+        _channel(path, name, number, samples, properties, layout, delays.get(name))
         for number, (name, samples, properties, _) in enumerate(numeric, start=1)
         if name not in times
     ]
@@ -188,13 +189,6 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
                     f"{gap:.6g} s later than wf_increment gives",
                     cure="save every waveform in a separate channel or file",
                 )
-
-
-def _delay(waveforms: list[_Waveform] | None, begins: list[Any]) -> float | None:
-    """Delay of a channel after the earliest channel of the file [s]. None without a declared time."""
-    if not waveforms:
-        return None
-    return max(_since(waveforms[0].begin, begin) for begin in begins)
 
 
 def _values(path: Path, name: str) -> FloatArray:

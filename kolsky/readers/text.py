@@ -18,8 +18,7 @@ ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "
 """Encodings that may be declared. The first three and cp1252 are also detected."""
 
 LONGEST_FIELD = 200
-"""Longest field in which a name and a unit are searched [characters]. No heading is longer. The time of a
-search grows with a power of the length."""
+"""Longest field searched for name and unit [characters]; the time grows with a power of the length."""
 LONGEST_PAIR = 4000
 """Longest line of a header in which a key and its values are searched [characters]."""
 
@@ -45,8 +44,7 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     is not valid UTF-8 is cp1252, the code page of Windows in western Europe and America.
 
     ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to detect
-    it. Raises InputError if the encoding is unknown or if a byte is invalid in it. The message gives line and
-    offset.
+    it. Raises InputError with line and offset if it is unknown or a byte invalid in it.
     """
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError(
@@ -288,8 +286,8 @@ def find_dialect(
     """The dialect in which the most columns at the end of a file are numbers.
 
     ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: the declared values;
-    None: detected. ``word``: name of a line in messages. Raises InputError if a declared value is not
-    allowed, or if no column is numeric.
+    None: detected. ``word``: name of a line in messages. Raises InputError if one of them is not allowed, or
+    no column numeric.
     """
     every = tuple(d.character for d in DELIMITERS)
     characters = every if delimiter is None else (declared_delimiter(path, delimiter),)

@@ -33,8 +33,8 @@ PAST_CURVE = 0.01
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
     """The quasi-static curve and, if declared, the conditioned curve; or the curve of a declared law.
 
-    Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError if a
-    file cannot be read or has no such curve.
+    Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError for a
+    file without it.
     """
     if isinstance(section, LawSection):
         return section.curve(), {}

@@ -12,8 +12,7 @@ from kolsky.readers.recordings import list_channels
 from kolsky.shot.evidence import Evidence, Finding, entries, power_of_1000, unit_cure
 
 LARGEST_TABLE = 1_000_000
-"""Largest file that is read a second time to find its units [bytes]. Tables of points have tens of
-thousands."""
+"""Largest file read a second time for its units [bytes]. Tables of points have tens of thousands."""
 DENSITIES = (10.0, 25_000.0)
 """Smallest and largest density of a solid [kg/m^3]. Smaller values are gases, or numbers in g/cm^3 (up to
 10) declared as kg/m^3. Larger values exceed the densest metal (osmium, 22 600)."""

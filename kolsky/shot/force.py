@@ -218,8 +218,7 @@ def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, 
 
     The pulse that accelerates the flyer ends before the flight, and the window begins at rest. The incident
     force within the window is therefore that of the specimen. ``span``: the window [s]. Raises InputError for
-    the reasons of `incident_channel`. The same error is raised if the recording does not cover the window, or
-    has another clock than [force].
+    the reasons of `incident_channel`. Also if the recording does not cover the window.
     """
     declared = toml.declared.incident_force
     if declared is None or not declared.compared:

@@ -1,7 +1,6 @@
 """Load and check a shot from a folder: from exports, a whole surface, pictures or bars.
 
-The window is the part of the shot that is simulated and compared. It lasts from rest until the end of the
-first recording that ends.
+The window is the part of the shot that is simulated and compared. It lasts from rest until a recording ends.
 """
 
 from collections.abc import Callable
@@ -408,8 +407,7 @@ def driven_by_waves(
 def load_bar_driven(source: Source) -> Shot:
     """A shot from the gauges of its bars, without a centre line, identified from the force only.
 
-    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals are
-    not those of such a test.
+    Raises InputError for a missing or damaged file, a wrong declaration, or signals of another test.
     """
     from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 

@@ -46,8 +46,7 @@ class MeasuredPoints:
     surface: SurfaceHistory
     """Their motion."""
     pixels: tuple[FloatArray, ...]
-    """Pixel coordinates in the pictures of each camera [px], each [n_frames, n_points, 2]; NaN for a lost
-    point."""
+    """Coordinates in each camera's pictures [px], each [n_frames, n_points, 2]; NaN for a lost point."""
     reference: FloatArray
     """Pixel coordinates in the reference picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
@@ -123,8 +122,7 @@ def read_measured_points(folder: Path) -> tuple[MeasuredPoints, ...]:
     """Read the result of an image correlation, one entry for each surface.
 
     ``folder``: the folder of a shot or of a dic.toml; `results/dic.h5` is read. Returns: the specimen and, if
-    it was tracked, the flyer; or the one surface of a dic.toml. Raises InputError if the file does not exist
-    or cannot be read.
+    it was tracked, the flyer; or the one surface of a dic.toml. Raises InputError if it cannot be read.
     """
     path = folder / "results" / RESULT_FILE
     if find_measurement_file(folder) is not None:

@@ -186,11 +186,9 @@ def _export(
 
 
 LEAST_HEIGHT = 0.2
-"""Smallest height of the outline at rest above the transmission platen, divided by the declared length [-]. A
-height of a tenth indicates a wrong length."""
+"""Smallest height of the outline at rest over the declared length [-]. A tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
-"""Largest radius of an outline, divided by the declared radius [-]. A freely sliding specimen reaches it at a
-ninth of its length."""
+"""Largest radius of an outline over the declared one [-]: a sliding specimen at a ninth of its length."""
 
 
 def read_outline(

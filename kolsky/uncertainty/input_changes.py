@@ -382,8 +382,7 @@ class InputDirection:
     step: float
     """Its increase, in its unit or relative."""
     change: FloatArray
-    """Change of prediction minus data by the step, shape [k]. It is zero at an outline point that the changed
-    model does not reach."""
+    """Change of prediction minus data by the step, shape [k]; zero at outline points that are not reached."""
     value: float
     """Its declared value in SI; NaN for a scale or an offset without a value."""
 

@@ -72,8 +72,7 @@ def full_likelihood(
 
 
 TOLERANCE = 0.1
-"""The surrogate is accepted if its error of the rise is below this, as a share of the level. The error is
-found by runs along a profile."""
+"""The surrogate is accepted if runs along a profile differ by less in their rise, as a share of the level."""
 WARN_WIDER = 4.0 / 3.0
 """A profile is reported if its error would widen the answer's interval by more than this factor."""
 ROUNDS = 3

@@ -201,8 +201,7 @@ DISAGREE = 2.5
 difference. With 2.0, one correct shot in twenty would be reported with one parameter, and one in seven with
 three."""
 HALF = 0.5
-"""The mesh error is reported if it is the main part of the interval: without it, the interval would be
-shorter than this share."""
+"""The mesh error is reported if the interval would be shorter than this share without it."""
 IMBALANCE = 0.01
 """A missing share of the external work above this is reported."""
 
