@@ -82,8 +82,7 @@ def fit_lag(
     """Fit one lag together with the free parameters."""
     way, h = np.array(direction), STEP
     d = slopes(0.0 * way).shape[1]
-    if before is None:
-        before = without_lag(objective, shifted, slopes)
+    before = without_lag(objective, shifted, slopes) if before is None else before
     plain = _without_slow_error(objective)
     lag = first_lag(objective, shifted, slopes, direction)
     move, settled = np.zeros(d), False
@@ -353,15 +352,13 @@ def follow(
 def origin(shot: Shot, recording: str) -> tuple[str, str]:
     """File with a recording's times, and the key of shot.toml that corrects its clock."""
     content = {} if shot.file is None else shot.file.content
-
-    def file(table: str) -> str:
-        section = content.get(table)
-        return str(section.get("file", "shot.toml")) if isinstance(section, dict) else "shot.toml"
-
-    if recording == FORCE:
-        return (file("force"), "force.clock_offset") if "force" in content else ("shot.toml", "recorders")
-    if "frames" in content and recording == FLYER:
-        return file("flyer"), "flyer.frame"
-    if "frames" in content:
-        return file("centre_line"), "centre_line.frame"
-    return "shot.toml", "pictures"
+    key, other = {
+        FORCE: ("force.clock_offset", "recorders"),
+        FLYER: ("flyer.frame", "pictures"),
+        OUTLINE: ("centre_line.frame", "pictures"),
+    }[recording]
+    table = key.partition(".")[0]
+    if ("force" if recording == FORCE else "frames") not in content:
+        return "shot.toml", other
+    section = content.get(table)
+    return str(section.get("file", "shot.toml")) if isinstance(section, dict) else "shot.toml", key

@@ -221,8 +221,8 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
     """Points with a branch, with the mean stiffness of an elastic point, shape [n, d + 2].
 
     A branch of strength c increases the stiffness by a factor of 1 to 1 + c: m is divided by the root of 1 +
-    c. The bulk modulus, proportional to m (1 + c) / (1 - 2 nu), determines the ringing frequency. A free
-    ratio keeps it.
+    c. The bulk modulus, proportional to m (1 + c) / (1 - 2 nu), determines the ringing frequency. It is kept
+    if Poisson's ratio is free.
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []

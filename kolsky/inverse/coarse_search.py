@@ -172,9 +172,7 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
 
 
 def search_coarse(runner: Runner) -> CoarseOptimum:
-    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted to the
-    runs.
-    """
+    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted."""
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
     return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
 
@@ -265,8 +263,7 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
 def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
     """Compare the shift of the optimum by the surrogate's error with its limit, a share of the interval.
 
-    ``gain``: linear map from a change of the data vector to the shift of the optimum over its half width,
-    shape [d, k].
+    ``gain``: linear map from a change of the data to the shift of the optimum over its half width, [d, k].
     """
     points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)

@@ -326,9 +326,7 @@ class Forward:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> explicit.Problem:
-        """The batch that `run` simulates, with its arguments and errors, for runs of several shots in
-        parallel.
-        """
+        """The batch that `run` simulates, with its arguments and errors, to be run beside other shots."""
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
         require_declared(points, self.shot)

@@ -77,8 +77,8 @@ class Unknowns:
         """Derivative of the data by the logarithm of the shear modulus at a constant bulk modulus, [k].
 
         K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
-        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d].
-        ``x``: the point, [d].
+        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d], at
+        ``x``, [d].
         """
         if self.nodes:
             found = slopes[:, len(self.bounds) :].sum(axis=1)
@@ -102,9 +102,7 @@ def curve_bytes(curve: MaterialCurve) -> bytes:
 
 
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
-    """Stress of the slow curve times the node factors, whose logarithms ``logs``, [nodes], are interpolated
-    linearly.
-    """
+    """Stress of the slow curve times factors, with their logarithms ``logs``, [nodes], interpolated."""
     place = np.abs(node_strains(curve, len(logs)))
     return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
 
@@ -245,8 +243,7 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers of the numerical choices; equal for two runs only if all choices that affect a result are
-    equal.
+    """Numbers of the numerical choices that affect a result; equal only for equal choices.
 
     Mesh, grading and element are stored directly, the others as 48 bits of a digest, which fit a float.
     """

@@ -1,7 +1,6 @@
 """Weighted least squares of force and outline: covariance of residuals, prior, uncertainty.
 
-The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance
-is
+The data of a shot are one vector: force bin means, then counted outline points. Its covariance is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
@@ -152,8 +151,7 @@ def correlated_in_blocks(
 ) -> FloatArray:
     """Covariance of the optimum with or without correlated residuals within blocks of time, shape [d, d].
 
-    The largest variances count, of the block lengths in `BLOCKS` with more than four blocks per parameter and
-    of independent residuals.
+    The largest variances count, of all `BLOCKS` with more than four blocks per parameter and without blocks.
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -268,9 +266,7 @@ class FrontNoise:
     """Change along them by the corrected path, shape [n_bins + Q]; None if it was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
-        """The same effect over other bins and points; ``entries`` selects them in rows, shape [..., n_bins +
-        Q].
-        """
+        """The same over other bins and points; ``entries`` selects them in rows, [..., n_bins + Q]."""
         return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
 
 
@@ -408,9 +404,7 @@ class Objective:
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors, with the measured value (zero residual) at outline points that a run does
-        not reach.
-        """
+        """Predicted data vectors, with the measured value at outline points that a run does not reach."""
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
 
@@ -483,9 +477,7 @@ class Objective:
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """Contribution of the prior to J^T C^-1 J, shape [d, d]; zero for further unknowns such as a clock
-        lag.
-        """
+        """Contribution of the prior to J^T C^-1 J, shape [d, d]; zero for further unknowns."""
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)

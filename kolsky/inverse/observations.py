@@ -103,8 +103,7 @@ def _monotone(
 ) -> FloatArray:
     """Slopes limited to 0 ... 3 times the smaller neighbouring difference (Fritsch and Carlson 1980).
 
-    Without the limit, y would not be monotone near a node that is about to touch a platen. A height could
-    then have three solutions.
+    Without it, y would not be monotone near a node about to touch a platen: three solutions at a height.
     """
     step = np.diff(f, axis=1)
     interval = np.arange(step.shape[1])
@@ -200,9 +199,7 @@ class Observations:
         return np.concatenate([force.centres for force in self.forces])
 
     def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
-        """Join a function of bins and force name ("transmission" or "flyer", as in `explicit.Response`) of
-        every force.
-        """
+        """Join a function of bins and name ("transmission" or "flyer") of every force."""
         return np.concatenate(
             [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
         )
@@ -283,8 +280,7 @@ def predict(response: Response, observations: Observations) -> Prediction:
     difference of the impulses at its edges, divided by its width. The radius is that of `radius_at`, never
     beyond the model's range.
 
-    Raises ValueError if a simulation did not complete, or if its `surface_times` or `force_times` lack a
-    frame, a bin edge or a recorded sample.
+    Raises ValueError if a simulation did not complete, or lacks a frame, a bin edge or a recorded sample.
     """
     lost = np.flatnonzero(~response.completed)
     if lost.size:

@@ -261,8 +261,7 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
     """Raise ValueError if a parameter has no effect with the contact laws of faces and side.
 
-    That is so if neither law reads it and no named parameter makes the surfaces slide, or if it is named
-    together with one that does.
+    That is so if no law reads it and nothing slides, or if it is named together with one that slides.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -339,8 +338,7 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with a free relaxation that replaces the declared one, with initial values by window and
-    curve.
+    """The shot with a free relaxation instead of the declared one; initial values by window, curve.
 
     ``branches``: of a Prony series, 1 to `kolsky.base.apparatus.MOST_BRANCHES`, otherwise ValueError.
     """

@@ -68,8 +68,7 @@ class RefinedOptimum:
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
     """True if the last run shifts every parameter of the optimum by little.
 
-    ``move``, ``sigma``, ``roughness``: shift of the optimum, its standard deviations from the residuals and
-    from the response's roughness, [d].
+    ``move``, ``sigma``, ``roughness``: shift of the optimum, its sigma by residuals and by roughness, [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())

@@ -56,8 +56,7 @@ class Method:
         half_width: Mapping[str, float],
         **known: Any,
     ) -> Method:
-        """Compare a method's result with the answer and half the length of its k = 2 interval, in parameter
-        units.
+        """Compare a method's result with the answer and half its k = 2 interval, in parameter units.
 
         The other arguments are the fields of this name. Raises ValueError if the names differ.
         """
@@ -140,8 +139,7 @@ class FitQuality:
     def spread(self, noise: FloatArray) -> FloatArray:
         """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
-        ``noise``: of each value. The other sources have one root mean square at all values. That of the
-        spread is `expected`.
+        ``noise``: of each value. The other sources count equally everywhere, in all `expected`.
         """
         others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
         return np.sqrt(noise**2 + others)

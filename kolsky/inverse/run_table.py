@@ -70,8 +70,7 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
     Phi_S, Eq. (M.3), is a mean over the counted points of each frame, then over the frames with a counted
     point. Its uncertainty, Eq. (M.6), is the same mean of Z_FEA sigma_Z / Z_DIC^2: as in the paper, the
     errors count as common to all points. Phi_F is a sum over samples, Eq. (M.4), and its uncertainty the sum
-    of their sigmas, P delta F in Eq. (M.7). Chi-square uses the force bins and the outline points with their
-    sigmas.
+    of their sigmas, P delta F in Eq. (M.7). Chi-square uses bins and points.
 
     Raises ValueError if no outline point is inside the model's range.
     """
@@ -248,9 +247,7 @@ class RunTable:
     def add(
         self, stage: str, values: FloatArray, runs: Runs, observations: Observations, *, on: Place
     ) -> None:
-        """Append a batch with the values run on this mesh, [n, d]; the points of `runs` are the refined
-        mesh's.
-        """
+        """Append a batch with the values run on its mesh, [n, d]; its points are the refined mesh's."""
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}
         for row, (point, ending) in enumerate(zip(values, runs.response.endings, strict=True)):

@@ -94,8 +94,7 @@ class Search:
         return (x, response) if response.outcomes[0].ok else None
 
     def paper_route(self) -> Route | None:
-        """The optimum of the paper's cost, as in the paper that of the stiffness-only search, if one was
-        made.
+        """The optimum of the paper's cost, of the stiffness-only search if one was made.
 
         None if no surrogate can be fitted to that cost: this comparison must not stop an identification.
         """

@@ -112,17 +112,14 @@ class Numerics:
         """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
 
         Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
-        surface slides, where single runs jump, nor with a correction for Poisson's ratio, which extrapolates
-        differences of coarse meshes.
+        surface slides, where single runs jump, nor with a correction for Poisson's ratio.
         """
         if self.precision is not None or self.compressible is not None:
             return self
         return replace(self, precision="fp32")
 
     def coarser(self) -> "tuple[Numerics, Numerics]":
-        """The meshes for the Poisson correction: half as fine, and three quarters of that; ValueError if too
-        coarse.
-        """
+        """The meshes for the Poisson correction, 1/2 and 3/8 as fine; ValueError if too coarse."""
         if self.mesh[0] < LEAST_ACROSS + 2:
             raise ValueError(
                 f"correcting for Poisson's ratio needs {LEAST_ACROSS + 2} elements or more across the "

@@ -120,9 +120,7 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points, [n], with the flyer's noise and frames as one entry; inf if
-    lost.
-    """
+    """-2 ln of likelihood and prior at points, [n], with flyer's noise and balanced frames; inf if lost."""
     found = np.full(len(points), np.inf)
     # All points use the same outline points, because likelihoods of different data cannot be compared.
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
@@ -181,8 +179,7 @@ def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, insi
 def margin(values: FloatArray, apart: FloatArray) -> float:
     """Margin of the likeliest floor relative to the likeliest other valley [-].
 
-    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: oscillations from
-    this floor [n].
+    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: from it, [n].
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])

@@ -154,8 +154,8 @@ def read(
     unit of length of coordinates and displacements. None: that of the headings, or mm if they have none.
     ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if a
     file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
-    have no frame numbers. Also for a repeated point, rows that cannot be distinguished, or coordinates of
-    neither kind.
+    have no frame numbers. The same error is raised if a point is repeated, if rows cannot be distinguished,
+    or if coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(

@@ -278,8 +278,8 @@ def header_clock(
     ``channels``: index of the channel, counted from 0, and number of channels, if a key has one value per
     channel. ``decimal``: decimal sign of the file. A number with the other sign is read if it is unambiguous.
     Returns: the declared clock. Unreadable numbers or units, and contradicting keys, give no interval. The
-    reason is in `HeaderClock.doubt`. Raises InputError if an interval is not positive, or if values do not
-    fit the channels.
+    reason is in `HeaderClock.doubt`. Raises InputError if an interval is not positive, or if a key has
+    neither one value nor one per channel.
     """
     written = time_unit(metadata)
     default = (None if written is None else si_unit(written)) or ("s", 1.0)
@@ -329,8 +329,8 @@ def header_clock(
 def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
     """The clock from named numbers such as "dt" and "t0" or "wf_increment", in seconds.
 
-    ``numbers``: by name, or by path with the name last. ``layout``: it takes precedence. InputError: an
-    interval <= 0.
+    ``numbers``: by name, or by path with the name last. ``layout``: its declarations take precedence. Raises
+    InputError if an interval is not positive.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
     found = stated.declared(path, layout)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import read_bytes
@@ -154,16 +155,12 @@ def _whole_lines_unquoted(lines: list[str]) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Delimiter:
-    """A separator of the fields of a line."""
+class Delimiter(NamedTuple):
+    """A separator of the fields of a line: its name in a layout, character, and name in messages."""
 
     name: str
-    """Its name in a layout."""
     character: str
-    """The character. A layout may also give the character."""
     plural: str
-    """Its name in messages."""
 
 
 BLANKS = Delimiter("blanks", " ", "blanks")
@@ -286,8 +283,8 @@ def find_dialect(
     """The dialect in which the most columns at the end of a file are numbers.
 
     ``path``: the file, for messages. ``lines``: its lines. ``delimiter``, ``decimal``: the declared values;
-    None: detected. ``word``: name of a line in messages. Raises InputError if one of them is not allowed, or
-    no column numeric.
+    None: detected. ``word``: name of a line in messages. Raises InputError if a declared value is not
+    allowed, or if no column is numeric.
     """
     every = tuple(d.character for d in DELIMITERS)
     characters = every if delimiter is None else (declared_delimiter(path, delimiter),)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -33,8 +32,8 @@ PAST_CURVE = 0.01
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
     """The quasi-static curve and, if declared, the conditioned curve; or the curve of a declared law.
 
-    Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError for a
-    file without it.
+    Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError if a
+    file cannot be read or has no such curve.
     """
     if isinstance(section, LawSection):
         return section.curve(), {}
@@ -132,51 +131,53 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
     """Check that the curve has one branch and one sign, and runs from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
-    _rows(
-        table,
-        np.abs(strain) > LARGEST_STRAIN,
-        strain,
-        f"the strain {{value:.6g}} is not a strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
-        _strain_cure(strain, section),
-    )
-    _rows(
-        table,
-        branch * strain < 0.0,
-        strain,
-        f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
-        f' "{section.branch}" and curve.convention "{section.convention}"',
-        "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
-    )
-    _rows(
-        table,
-        strain <= -1.0,
-        strain,
-        "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
-        "nominal strain is change of length over initial length; check curve.strain and its unit; of a "
-        "column of logarithmic (true) strain e declare exp(e) - 1",
-    )
-    _rows(
-        table,
-        strain * stress < 0.0,
-        stress,
-        "the stress {value:+.6g} Pa has the opposite sign of the strain",
-        "strain and stress follow one convention; correct the file's signs or remove points near rest",
-    )
-    _rows(
-        table,
-        (strain == 0.0) & (stress != 0.0),
-        stress,
-        "the stress is {value:+.6g} Pa at zero strain",
-        "subtract the preload or remove the row",
-    )
     forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
-    _rows(
-        table,
-        np.append(False, np.diff(strain) * forward <= 0.0),
-        strain,
-        "the strain does not move on from the line before: {value:.6g}",
-        "keep one loading ramp, smoothed or thinned so that every strain is new",
-    )
+    for bad, values, message, cure in (
+        (
+            np.abs(strain) > LARGEST_STRAIN,
+            strain,
+            "the strain {value:.6g} is not a strain of an elastomer; it must be in "
+            f"(-1, {LARGEST_STRAIN:g}]",
+            _strain_cure(strain, section),
+        ),
+        (
+            branch * strain < 0.0,
+            strain,
+            f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
+            f' "{section.branch}" and curve.convention "{section.convention}"',
+            "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
+        ),
+        (
+            strain <= -1.0,
+            strain,
+            "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
+            "nominal strain is change of length over initial length; check curve.strain and its unit; of a "
+            "column of logarithmic (true) strain e declare exp(e) - 1",
+        ),
+        (
+            strain * stress < 0.0,
+            stress,
+            "the stress {value:+.6g} Pa has the opposite sign of the strain",
+            "strain and stress follow one convention; correct the file's signs or remove points near rest",
+        ),
+        (
+            (strain == 0.0) & (stress != 0.0),
+            stress,
+            "the stress is {value:+.6g} Pa at zero strain",
+            "subtract the preload or remove the row",
+        ),
+        (
+            np.append(False, np.diff(strain) * forward <= 0.0),
+            strain,
+            "the strain does not move on from the line before: {value:.6g}",
+            "keep one loading ramp, smoothed or thinned so that every strain is new",
+        ),
+    ):
+        rows = np.flatnonzero(bad)
+        if rows.size:
+            count = f" ({rows.size} such lines)" if rows.size > 1 else ""
+            line = table.first_line + int(rows[0])
+            raise InputError(table.path, message.format(value=values[rows[0]]) + count, line=line, cure=cure)
     if np.count_nonzero(strain) < SMALLEST_CURVE:
         raise InputError(
             table.path,
@@ -194,14 +195,3 @@ def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
         if percent
         else "is"
     ) + " curve.strain the right column?"
-
-
-def _rows(table: Table, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
-    """Raise InputError for the first bad row; the message gives the number of bad rows."""
-    rows = np.flatnonzero(bad)
-    if rows.size:
-        row = int(rows[0])
-        count = f" ({rows.size} such lines)" if rows.size > 1 else ""
-        raise InputError(
-            table.path, message.format(value=values[row]) + count, line=table.first_line + row, cure=cure
-        )

@@ -55,8 +55,8 @@ def dic(
 def open_region_session(source: Path) -> Session:
     """Open the pictures of camera 0 and their declared regions.
 
-    ``source``: folder or file of a shot with pictures, or of a dic.toml. Raises InputError if they cannot be
-    used.
+    ``source``: folder or file of a shot with pictures, or of a dic.toml. Raises InputError if the file or its
+    pictures cannot be used.
     """
     path = find_measurement_file(source)
     if path is not None:

@@ -34,17 +34,17 @@ def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatAr
     the frames; or if its baseline is not quiet.
     """
     section = toml.declared.force
-    recording = _force_recording(folder / section.file, section)
-    check_range(recording, section)
-    check_signal(recording, toml)
-    channel = _channel_of(recording, section)
+    channel = _channel_of(folder, section, "force")
+    check_signal(channel.recording, toml)
     gate(Evidence(file=toml, declared=toml.declared, frame_time=frame_time, force_time=channel.time))
     check_baseline(channel.baseline_volts(), rest, toml, last=float(frame_time[-1]))
     return channel
 
 
-def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
-    """A recording with the declared transducer, baseline and clock."""
+def _channel_of(folder: Path, section: ForceSection, key: str) -> ForceChannel:
+    """A recording within its range, with the declared transducer, baseline and clock."""
+    recording = _force_recording(folder / section.file, section)
+    check_range(recording, section, key)
     return ForceChannel(
         recording=recording,
         transducer=Transducer(
@@ -200,9 +200,7 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
     if declared is None:
         return None
     section = declared.completed(toml.declared.force)
-    recording = _force_recording(toml.path.parent / section.file, section)
-    check_range(recording, section, "incident_force")
-    channel = _channel_of(recording, section)
+    channel = _channel_of(toml.path.parent, section, "incident_force")
     if channel.baseline_volts().size < SMALLEST_BASELINE:
         raise toml.error(
             "incident_force.baseline",

@@ -401,19 +401,14 @@ RULES: tuple[Rule, ...] = (
 """All rules; causes are named in this order."""
 
 
-def findings(evidence: Evidence) -> list[Finding]:
-    """All findings of the rules."""
-    return [finding for rule in RULES for finding in rule(evidence)]
-
-
 def gate(evidence: Evidence) -> tuple[str, ...]:
     """Reject contradictions and return the warnings, one sentence each.
 
     Raises InputError for a contradiction, `InputErrors` for several.
     """
-    all_findings = findings(evidence)
-    refuse([finding.error for finding in all_findings if finding.contradiction])
-    return tuple(str(finding.error) for finding in all_findings if not finding.contradiction)
+    found = [finding for rule in RULES for finding in rule(evidence)]
+    refuse([error for error, contradiction in found if contradiction])
+    return tuple(str(error) for error, contradiction in found if not contradiction)
 
 
 def evidence_of(shot: ShotBase) -> Evidence | None:

@@ -451,7 +451,7 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
     """Name, wave speed and relative gain of a shot with touching bars, and notes on its files.
 
     ``shot``: a shot's folder, or its shot.toml with the tables bars, recorders and gauges. Raises InputError
-    if it cannot be used.
+    if the shot or its files cannot be used.
     """
     given = load_bars(Path(shot))
     with refused(folder_of(Path(shot)), cure=CURE):

@@ -1,5 +1,4 @@
-"""The uncertainty analysis of an optimum: declared inputs, profiles, other choices of the analyst,
-posterior.
+"""The uncertainty analysis of an optimum: inputs, profiles, other choices of the analyst, posterior.
 
 Other choices are another end of the window and other force bins. The same data and runs are searched again.
 """

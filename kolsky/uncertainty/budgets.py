@@ -48,9 +48,7 @@ class InputChanges:
     """Source -> change by one standard uncertainty of "force scale" or "motion scale", shape [k]."""
 
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
-        """Standard uncertainties by source, [d] each; ``gain``: change of the data -> shift of the optimum,
-        [d, k].
-        """
+        """Standard uncertainties by source, [d] each; ``gain``: data -> optimum, [d, k]."""
         found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
         for key, changes in self.replicates.items():
             found[key] = replicate_uncertainty(changes @ gain.T)
@@ -152,9 +150,7 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force-only minus outline-only result, of independent residuals, with its budget; None if one is
-    missing.
-    """
+    """Force-only minus outline-only result, residuals independent, and its budget; None without both."""
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
         return None
@@ -180,8 +176,7 @@ def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatAr
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
     A material constant has one row, an independent input of each shot one row per shot. The scale of the
-    curve is excluded, because m absorbs it. Raises ValueError if a run with a changed input does not
-    complete.
+    curve is excluded, because m absorbs it. Raises ValueError if a run does not complete.
     """
     changes: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]

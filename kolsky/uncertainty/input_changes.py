@@ -206,11 +206,6 @@ class MovedRuns:
     """Key -> step of each input to be changed."""
 
     @property
-    def mesh_point(self) -> FloatArray:
-        """Point at which the surrogate's mesh responds like the refined mesh at the optimum, shape [d]."""
-        return np.asarray(self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0])
-
-    @property
     def forward(self) -> Forward:
         """The shot prepared to run, with surface output also shortly before and after each frame."""
         forward = self.runner.forward
@@ -295,7 +290,8 @@ class MovedRuns:
     def _design(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends of the central differences by the free parameters, shape [d] each."""
         lower, upper = np.array(self.runner.problem.box.lower), np.array(self.runner.problem.box.upper)
-        x = self.mesh_point
+        # where the surrogate's mesh responds like the refined mesh at the optimum
+        x = self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0]
         values = zip(self.runner.problem.box.names, x.tolist(), strict=True)
         step = np.array([parameter_step(name, value) for name, value in values])
         return np.maximum(x - step, lower), np.minimum(x + step, upper)
@@ -432,8 +428,7 @@ class InputDirections:
         return np.asarray(-self.gain @ self[key].change)
 
     def repeated_shift(self, key: str, step: float) -> FloatArray:
-        """Change of the optimum if the identification is repeated with an input increased by a step, in SI,
-        [d].
+        """Change of the optimum, in SI, [d], if the identification is repeated with an input changed.
 
         The weights are those of the new residual, with its own discrepancies.
         """
