@@ -25,11 +25,8 @@ def _usable_device(option: str, text: str) -> str:
     try:
         select_device(text)
     except ValueError as error:
-        raise InputError(
-            COMMAND_LINE,
-            f"{option}: {error}",
-            cure="give cpu, cuda or cuda:N; `kolsky doctor` lists the devices",
-        ) from None
+        cure = "give cpu, cuda or cuda:N; `kolsky doctor` lists the devices"
+        raise InputError(COMMAND_LINE, f"{option}: {error}", cure=cure) from None
     return text
 
 

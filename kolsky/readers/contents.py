@@ -206,11 +206,8 @@ def check_samples(path: Path, name: str, samples: int) -> None:
     Raises InputError that gives the number found.
     """
     if samples > SAMPLES_LIMIT:
-        raise InputError(
-            path,
-            f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read",
-            cure="export the time span of the test only",
-        )
+        message = f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read"
+        raise InputError(path, message, cure="export the time span of the test only")
     if samples < 2:
         raise InputError(
             path, f"channel '{name}' has {samples} samples", cure="name a record, at least two samples long"
@@ -242,12 +239,8 @@ def find_column(
         return found[0]
     if found:
         by_number = f"give the number of one: {', '.join(str(numbers[i]) for i in found)}" if numbers else ""
-        raise InputError(
-            path,
-            f"{what} '{wanted}' is there {len(found)} times",
-            line=line,
-            cure=by_number or "give each column a different name",
-        )
+        message = f"{what} '{wanted}' is there {len(found)} times"
+        raise InputError(path, message, line=line, cure=by_number or "give each column a different name")
     words = ", ".join(f"'{name}'" for name in names) if listed is None else listed
     missing = f"{what} '{wanted}'{purpose} is missing; the {what.split()[-1]}s are {words}"
     raise InputError(path, missing, line=line, cure=cure)

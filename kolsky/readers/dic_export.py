@@ -158,11 +158,9 @@ def read(
     or if coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
-        raise InputError(
-            paths[0],
-            f"is declared to be of '{layout}'" + (f" in '{unit}'" if unit is not None else ""),
-            allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
-        )
+        message = f"is declared to be of '{layout}'" + (f" in '{unit}'" if unit is not None else "")
+        allowed = f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}"
+        raise InputError(paths[0], message, allowed=allowed)
     numbers = _frame_numbers(paths)
     order = np.argsort(numbers)
     files = [_one(paths[i], layout, unit, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
@@ -252,12 +250,8 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
         forms = " or ".join(
             ", ".join((*form.key, *form.coordinates, *form.displacements)) for form in LAYOUTS[layout]
         )
-        raise InputError(
-            path,
-            f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}",
-            line=table.first_line - 1 or None,
-            cure=f"export {forms}",
-        )
+        message = f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}"
+        raise InputError(path, message, line=table.first_line - 1 or None, cure=f"export {forms}")
 
     def columns(wanted: tuple[str, ...]) -> FloatArray:
         return np.stack([sheet.numbers(sheet.column(name), gaps=True) for name in wanted], axis=-1)
@@ -289,11 +283,8 @@ def _length_unit(path: Path, heading: str, declared: str | None) -> str:
     if not stated:
         return declared or "mm"
     if declared is not None and UNITS[declared] != UNITS[stated]:
-        raise InputError(
-            path,
-            f"has the unit '{stated}' in its column '{heading}', and unit = \"{declared}\" is declared",
-            cure=f'declare unit = "{stated}", or leave unit out',
-        )
+        message = f"has the unit '{stated}' in its column '{heading}', and unit = \"{declared}\" is declared"
+        raise InputError(path, message, cure=f'declare unit = "{stated}", or leave unit out')
     return stated
 
 
@@ -316,11 +307,8 @@ def _frame_numbers(paths: Sequence[Path]) -> IntArray:
     varied = [i for i in range(count) if len({int(group[i]) for group in groups}) > 1]
     place = [count - 1] if len(groups) == 1 else changing
     if len(place) != 1 or (len(groups) > 1 and varied != place):
-        raise InputError(
-            paths[0],
-            "and the others have no single number that differs from file to file",
-            cure="name them by frame: img_0012.csv",
-        )
+        message = "and the others have no single number that differs from file to file"
+        raise InputError(paths[0], message, cure="name them by frame: img_0012.csv")
     return np.array([int(group[place[0]]) for group in groups], dtype=np.int64)
 
 

@@ -113,17 +113,11 @@ def _check_archive(path: Path) -> None:
                     while block := stream.read(1 << 20):
                         total += len(block)
                         if total > UNPACKED_LIMIT:
-                            raise InputError(
-                                path,
-                                f"unpacks to more than {UNPACKED_LIMIT / 1e6:.0f} MB",
-                                cure="export the record as CSV",
-                            )
+                            message = f"unpacks to more than {UNPACKED_LIMIT / 1e6:.0f} MB"
+                            raise InputError(path, message, cure="export the record as CSV")
                         if any(word in before + block for word in _DECLARATIONS):
-                            raise InputError(
-                                path,
-                                f"declares XML entities in {part.filename}",
-                                cure="save it again in Excel",
-                            )
+                            message = f"declares XML entities in {part.filename}"
+                            raise InputError(path, message, cure="save it again in Excel")
                         before = block[-20:]
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as error:
         raise _damaged(path, error) from None
@@ -147,11 +141,8 @@ def _excel(path: Path, wanted: str | None) -> tuple[str, str, list[tuple[object,
         rows: list[tuple[object, ...]] = []
         for row in sheets[title].iter_rows(values_only=True):
             if len(rows) == ROWS_LIMIT:
-                raise InputError(
-                    path,
-                    f"sheet '{title}' has more than {ROWS_LIMIT} rows, more than a sheet can have",
-                    cure="save it again in Excel, or as CSV",
-                )
+                message = f"sheet '{title}' has more than {ROWS_LIMIT} rows, more than a sheet can have"
+                raise InputError(path, message, cure="save it again in Excel, or as CSV")
             rows.append(row[:COLUMNS_LIMIT])
         return sha256, title, rows
     except InputError:

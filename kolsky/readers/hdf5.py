@@ -54,12 +54,9 @@ def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
     rows = max((array.samples for array in arrays), default=0)
     columns = [array for array in arrays if array.samples == rows]
     if not 0 < rows * len(columns) <= TABLE_LIMIT:
-        raise InputError(
-            path,
-            f"has {rows * len(columns)} numbers in arrays of equal length",
-            allowed=f"1 to {TABLE_LIMIT}",
-            cure="save the columns of the table as plain arrays of equal length",
-        )
+        message = f"has {rows * len(columns)} numbers in arrays of equal length"
+        cure = "save the columns of the table as plain arrays of equal length"
+        raise InputError(path, message, allowed=f"1 to {TABLE_LIMIT}", cure=cure)
     values = np.column_stack([array.values() for array in columns]).tolist()
     return ["\t".join(a.name for a in columns), *("\t".join(map(repr, row)) for row in values)]
 
@@ -84,11 +81,8 @@ def array_channels(
     for name in wanted:
         if name not in by_name:
             names = ", ".join(f"'{array}'" for array in list(by_name)[:20])
-            raise InputError(
-                path,
-                f"has no array '{name.removeprefix('/')}' of times; it has {names}",
-                cure="correct time in the layout",
-            )
+            message = f"has no array '{name.removeprefix('/')}' of times; it has {names}"
+            raise InputError(path, message, cure="correct time in the layout")
     times = wanted or [array.name for array in arrays if _last(array.name) in ("t", "time", "times")]
     signals = [array for array in arrays if array.name not in times]
     if not signals:
@@ -248,10 +242,8 @@ class Inside:
         unit = next(filter(None, units), None)
         for name, samples, column in columns_of(full, item.shape):
             if item.size > SAMPLES_LIMIT:
-                raise self._refused(
-                    f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
-                    "export the time span of the test only",
-                )
+                message = f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read"
+                raise self._refused(message, "export the time span of the test only")
             values = partial(_values, self.path, full, column, own)
             self.arrays.append(NamedArray(name, samples, values, unit, own))
 

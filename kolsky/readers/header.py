@@ -131,12 +131,9 @@ def time_factor(path: Path, unit: str | None, what: str) -> float:
         raise InputError(path, f"{what} has no unit", cure='declare it in the layout: time_unit = "s"')
     known = si_unit(unit)
     if known is None or known[0] != "s":
-        raise InputError(
-            path,
-            f"{what} has the unit '{unit}'",
-            allowed='a unit of time: "s", "ms", "us", "ns"',
-            cure='declare it in the layout: time_unit = "s"',
-        )
+        message = f"{what} has the unit '{unit}'"
+        allowed = 'a unit of time: "s", "ms", "us", "ns"'
+        raise InputError(path, message, allowed=allowed, cure='declare it in the layout: time_unit = "s"')
     return known[1]
 
 
@@ -383,11 +380,8 @@ def _of_channel(
     chosen = values[0]
     if any(value.number != chosen.number for value in values):
         if len(values) != channels:
-            raise InputError(
-                path,
-                f"says {key} = {', '.join(f'{v.number:g}' for v in values)} for {channels} channels",
-                cure="state interval and start in the layout",
-            )
+            message = f"says {key} = {', '.join(f'{v.number:g}' for v in values)} for {channels} channels"
+            raise InputError(path, message, cure="state interval and start in the layout")
         chosen = values[channel]
     if chosen.digit != chosen.digit:
         return f"{key} = {fields[0][:60]} may have a decimal sign or one between thousands"

@@ -31,18 +31,12 @@ def read(path: Path, layout: Layout) -> Contents:
     sha256, lines, encoding = read_text(path, layout)
     ends = [i for i, line in enumerate(lines) if line.strip().startswith(_END)]
     if len(ends) < 2:
-        raise InputError(
-            path,
-            f"has {len(ends)} lines {_END}, a file with samples has two",
-            line=len(lines),
-            cure="the file is cut off; copy or export it again",
-        )
+        message = f"has {len(ends)} lines {_END}, a file with samples has two"
+        raise InputError(path, message, line=len(lines), cure="the file is cut off; copy or export it again")
     if len(ends) > 2:
+        message = "has a second segment"
         raise InputError(
-            path,
-            "has a second segment",
-            line=ends[2] + 1,
-            cure="save each record in a separate file; one segment is read",
+            path, message, line=ends[2] + 1, cure="save each record in a separate file; one segment is read"
         )
     separator = "," if "Separator,Comma" in (line.strip() for line in lines[: ends[0]]) else "\t"
     file_keys, segment_keys = (
@@ -67,11 +61,9 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, f"says X_Columns = {kind}", allowed="No, One or Multi", cure="export it again")
     width = columns[-1] + 1
     if len(headings) < width:
+        message = f"names {len(headings)} columns, the header announces {width}"
         raise InputError(
-            path,
-            f"names {len(headings)} columns, the header announces {width}",
-            line=ends[1] + 2,
-            cure="the file is damaged or cut off; copy or export it again",
+            path, message, line=ends[1] + 2, cure="the file is damaged or cut off; copy or export it again"
         )
     names = tuple(name or str(i + 1) for i, name in enumerate(headings[:width]))
     rows = []

@@ -27,12 +27,9 @@ def read(path: Path, layout: Layout) -> Contents:
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count("\t") + 1
     if fields < 3 or len(lines) < 5:
-        raise InputError(
-            path,
-            f"has {fields} columns and {len(lines)} lines; two of metadata and a signal are needed",
-            line=1,
-            cure="is it a .raw file of this make? if not, give its format in the layout",
-        )
+        message = f"has {fields} columns and {len(lines)} lines; two of metadata and a signal are needed"
+        cure = "is it a .raw file of this make? if not, give its format in the layout"
+        raise InputError(path, message, line=1, cure=cure)
     check_width(path, lines, "\t", fields)
     keys, clock = keys_beside([line.split("\t")[:2] for line in lines]), {}
     dialect = Dialect("\t", ".", fields, tuple(range(2, fields)))
@@ -41,12 +38,9 @@ def read(path: Path, layout: Layout) -> Contents:
         clock[key] = dialect.split(lines[number - 1])[2:]
         for name, text in zip(names[2:], clock[key], strict=True):
             if not dialect.is_number(text):
-                raise InputError(
-                    path,
-                    f"column '{name}' is not a number: '{text[:60]}'",
-                    line=number,
-                    cure="line 2 holds the time of the first sample, line 3 the interval, both in seconds",
-                )
+                message = f"column '{name}' is not a number: '{text[:60]}'"
+                cure = "line 2 holds the time of the first sample, line 3 the interval, both in seconds"
+                raise InputError(path, message, line=number, cure=cure)
     sheet = Sheet(path, dialect, lines[3:], 4, names, (None, None) + ("V",) * (fields - 2), clock)
     return Contents(
         path=path,

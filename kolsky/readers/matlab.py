@@ -115,8 +115,5 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
 def _damaged(path: Path, error: str) -> InputError:
     head = head_of(path, 200)
     text = head.count(0) == 0 and not head.startswith(b"MATLAB")
-    return InputError(
-        path,
-        f"is not a .mat file that can be read ({error})",
-        cure="it seems to be text: rename it to end in .csv" if text else "copy it again; it may be cut off",
-    )
+    cure = "it seems to be text: rename it to end in .csv" if text else "copy it again; it may be cut off"
+    return InputError(path, f"is not a .mat file that can be read ({error})", cure=cure)

@@ -60,11 +60,8 @@ def read_frame_table(
     back = np.flatnonzero(np.diff(numbers) < 0)
     if points and back.size:
         row = int(back[0]) + 1
-        raise table.error(
-            f"column '{frame.name}' is not sorted: {numbers[row]} after {numbers[row - 1]}",
-            row=row,
-            cure="export the points frame by frame",
-        )
+        message = f"column '{frame.name}' is not sorted: {numbers[row]} after {numbers[row - 1]}"
+        raise table.error(message, row=row, cure="export the points frame by frame")
     if not points:
         table.check_increasing(frame, numbers)
     times = np.empty(0) if time is None else table.values(time)
@@ -202,9 +199,7 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -
         problem = "has no unit" if text is None else f"is in {text!r}"
         sample = example.split(" ", 1)[1]
         option = f"{wanted.option} '{sample}'" if wanted.option else f"--unit '{channel.name}={sample}'"
+        message = f"column '{channel.name}' for the {quantity} {problem}"
         raise InputError(
-            path,
-            f"column '{channel.name}' for the {quantity} {problem}",
-            allowed=f"in a unit of {words}",
-            cure=f"declare it: {option}",
+            path, message, allowed=f"in a unit of {words}", cure=f"declare it: {option}"
         ) from None

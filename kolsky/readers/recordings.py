@@ -84,11 +84,9 @@ def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
 def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
     """Check that a channel is not constant."""
     if np.ptp(values) == 0.0:
+        message = f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples"
         raise InputError(
-            path,
-            f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples",
-            line=channel.place(0),
-            cure="is it the right channel, and was it connected?",
+            path, message, line=channel.place(0), cure="is it the right channel, and was it connected?"
         )
 
 
@@ -231,11 +229,8 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
             cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or declare "
             'format = "delimited" in a layout',
         )
-    raise InputError(
-        path,
-        "is of no known format",
-        cure=f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}",
-    )
+    cure = f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}"
+    raise InputError(path, "is of no known format", cure=cure)
 
 
 def _check_layout(path: Path, layout: Layout) -> None:
@@ -301,11 +296,8 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
     """SI unit and factor of a channel."""
     text = layout.unit if layout.unit is not None else channel.unit
     if text is None:
-        raise InputError(
-            contents.path,
-            f"does not state the unit of channel '{channel.name}'",
-            cure='give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
-        )
+        cure = 'give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...'
+        raise InputError(contents.path, f"does not state the unit of channel '{channel.name}'", cure=cure)
     known = si_unit(text)
     if known is None:
         raise InputError(

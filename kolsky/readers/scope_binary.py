@@ -45,11 +45,8 @@ def read(path: Path, layout: Layout) -> Contents:
     _check_yokogawa(path)
     waveform, problem = _parsed(path)
     if problem:
-        raise InputError(
-            path,
-            f"is not a scope's file that can be read ({problem})",
-            cure="is it complete? if so, export the record as CSV",
-        )
+        message = f"is not a scope's file that can be read ({problem})"
+        raise InputError(path, message, cure="is it complete? if so, export the record as CSV")
     if not waveform.channels:
         raise InputError(path, "has no analogue channel", cure="export a channel")
     facts = {
@@ -90,11 +87,8 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     check_samples(path, name, samples)
     promised = getattr(header, "n_pts", samples)  # the library does not always check it
     if isinstance(promised, int) and samples < promised:
-        raise InputError(
-            path,
-            f"channel '{name}' ends after {samples} of {promised} samples",
-            cure="the file is cut off; copy it again",
-        )
+        message = f"channel '{name}' ends after {samples} of {promised} samples"
+        raise InputError(path, message, cure="the file is cut off; copy it again")
 
     def clock() -> Clock:
         start = float(channel.times[0]) if layout.start is None else layout.start
@@ -138,11 +132,8 @@ def _check_curve(path: Path) -> None:
         raise InputError(path, "has no curve", cure="the file is cut off; copy or export it again")
     there = path.stat().st_size - (mark + 2 + digits)
     if there < int(count):
-        raise InputError(
-            path,
-            f"ends after {there} of {int(count)} bytes of its curve",
-            cure="it is cut off; copy it again",
-        )
+        message = f"ends after {there} of {int(count)} bytes of its curve"
+        raise InputError(path, message, cure="it is cut off; copy it again")
 
 
 def _check_yokogawa(path: Path) -> None:

@@ -179,11 +179,9 @@ def _heading_lines(
     for stated in (layout.header_line, layout.units_line):
         if stated and stated - 1 not in fitting:
             found = len(dialect.split(lines[stated - 1])) if stated <= first else 0
+            message = f"has {found} fields here, the samples below have {dialect.fields}"
             raise InputError(
-                path,
-                f"has {found} fields here, the samples below have {dialect.fields}",
-                line=stated,
-                cure="correct header_line and units_line in the layout",
+                path, message, line=stated, cure="correct header_line and units_line in the layout"
             )
     units_line = -1 if layout.units_line is None else layout.units_line - 1
     if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]], len(fitting) > 1):
@@ -225,12 +223,9 @@ def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect:
     names = [cell for cell in dialect.split(lines[first - 1]) if cell]
     twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
     if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
-        raise InputError(
-            path,
-            f"has {dialect.fields} numbers between commas, and {len(names)} names",
-            line=first + 1,
-            cure="are the commas decimal signs too? export with semicolons between the columns",
-        )
+        message = f"has {dialect.fields} numbers between commas, and {len(names)} names"
+        cure = "are the commas decimal signs too? export with semicolons between the columns"
+        raise InputError(path, message, line=first + 1, cure=cure)
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
@@ -261,11 +256,9 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
         )
     if numbers and not all(text.isdecimal() for text in numbers):
         wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
+        message = f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}"
         raise InputError(
-            path,
-            f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}",
-            line=number + 1,
-            cure="correct the line, or give header_line in the layout",
+            path, message, line=number + 1, cure="correct the line, or give header_line in the layout"
         )
 
 
@@ -299,11 +292,9 @@ def find_table(
         lines = [line.strip() for line in lines]
     first = _first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
     if first > LONGEST_HEADER:
+        message = f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read"
         raise InputError(
-            path,
-            f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read",
-            line=first + 1,
-            cure="is it the right file? if so, export the samples alone",
+            path, message, line=first + 1, cure="is it the right file? if so, export the samples alone"
         )
     above = [uncommented(line, layout.comment) for line in lines[:first]]
     header_line, units_line = _heading_lines(path, above, first, dialect, layout)
@@ -418,11 +409,8 @@ class SignalTable:
         steps = np.flatnonzero(np.diff(count) != 1.0)
         if steps.size:
             row = int(steps[0]) + 1
-            raise sheet.error(
-                f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}",
-                row,
-                "export every sample once, in order",
-            )
+            message = f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}"
+            raise sheet.error(message, row, "export every sample once, in order")
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
@@ -472,11 +460,8 @@ class SignalTable:
         promised = stated_samples(self.sheet.metadata)
         rows = len(self.sheet.rows)
         if promised is not None and rows < promised[1]:
-            raise self.sheet.error(
-                f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}",
-                rows - 1,
-                "the file is cut off; copy or export it again",
-            )
+            message = f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}"
+            raise self.sheet.error(message, rows - 1, "the file is cut off; copy or export it again")
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:

@@ -127,11 +127,8 @@ class Table(Sheet):
         least = float(numbers.min()) if column.bound else 1.0
         if least < 0.0 or (least == 0.0 and column.bound == "> 0"):
             row = int(np.argmin(numbers))
-            raise self.error(
-                f"column '{column.name}' is '{self.field(index, row)}'; it must be {column.bound}",
-                row=row,
-                cure=column.cure,
-            )
+            message = f"column '{column.name}' is '{self.field(index, row)}'; it must be {column.bound}"
+            raise self.error(message, row=row, cure=column.cure)
         return np.asarray(numbers * column.factor, dtype=np.float64)
 
     def integers(self, column: Column) -> IntArray:
@@ -143,11 +140,8 @@ class Table(Sheet):
         bad = np.flatnonzero((numbers != np.floor(numbers)) | (np.abs(numbers) > 2**53))
         if bad.size:
             row = int(bad[0])
-            raise self.error(
-                f"column '{column.name}' is not a frame number: '{self.field(self.index(column), row)}'",
-                row=row,
-                cure="frame numbers are whole; are two columns swapped?",
-            )
+            message = f"column '{column.name}' is not a frame number: '{self.field(self.index(column), row)}'"
+            raise self.error(message, row=row, cure="frame numbers are whole; are two columns swapped?")
         return numbers.astype(np.int64)
 
     def printed_digit(self, column: Column) -> float:
@@ -228,11 +222,8 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
     decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:
-        raise InputError(
-            path,
-            f"is declared to have {decimal!r} as delimiter and as decimal sign",
-            cure='give the other one too, e.g. delimiter = ";"',
-        )
+        message = f"is declared to have {decimal!r} as delimiter and as decimal sign"
+        raise InputError(path, message, cure='give the other one too, e.g. delimiter = ";"')
     dialect = Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
     header_line = 1 if layout.header_line is None else layout.header_line
     first = layout.first_line or max(header_line, layout.units_line or 0) + 1

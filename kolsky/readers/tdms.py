@@ -52,11 +52,8 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, "ends inside a segment", cure="the file is cut off; copy it again")
     numeric = [entry for entry in found if np.dtype(entry[3]).kind in "fiu" and entry[1] > 0]
     if not numeric:
-        raise InputError(
-            path,
-            f"has no numeric channel; it has {[name for name, *_ in found][:20]}",
-            cure="save the record again",
-        )
+        message = f"has no numeric channel; it has {[name for name, *_ in found][:20]}"
+        raise InputError(path, message, cure="save the record again")
     times = [name for name, *_ in numeric if name == layout.time]
     if layout.time is not None and not times:
         raise InputError(path, f"has no channel '{layout.time}'", cure="correct time in the layout")
@@ -90,11 +87,8 @@ def _channel(
             times = NamedArray(str(layout.time), samples, lambda: _values(path, str(layout.time)))
             return clock_of_array(path, times, layout, header)
         if header.interval is None:
-            raise InputError(
-                path,
-                f"channel '{name}' has no wf_increment",
-                cure='declare in the layout interval = "100 ns"',
-            )
+            message = f"channel '{name}' has no wf_increment"
+            raise InputError(path, message, cure='declare in the layout interval = "100 ns"')
         start, source = header.start, header.source
         if delay is not None and layout.start is None:
             start, source = (start or 0.0) + delay, f"{source}, wf_start_time"

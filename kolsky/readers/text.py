@@ -48,12 +48,9 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     it. Raises InputError with line and offset if it is unknown or a byte invalid in it.
     """
     if encoding is not None and encoding not in ENCODINGS:
-        raise InputError(
-            path,
-            f"is declared to be encoded as '{encoding}'",
-            allowed=f"one of {', '.join(ENCODINGS)}",
-            cure="leave encoding out: UTF-8, UTF-16 and cp1252 are found",
-        )
+        message = f"is declared to be encoded as '{encoding}'"
+        cure = "leave encoding out: UTF-8, UTF-16 and cp1252 are found"
+        raise InputError(path, message, allowed=f"one of {', '.join(ENCODINGS)}", cure=cure)
     mark, marked = next(((m, name) for m, name in _MARKS if data.startswith(m)), (b"", None))
     body = data[len(mark) :]
     if encoding is not None:
@@ -75,12 +72,8 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
         ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(
-            path,
-            "has a zero byte: it is not a text, or was cut off",
-            line=line,
-            cure="copy it again, or give its format in the layout",
-        )
+        message = "has a zero byte: it is not a text, or was cut off"
+        raise InputError(path, message, line=line, cure="copy it again, or give its format in the layout")
     return text, words
 
 
@@ -110,11 +103,9 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
         raise InputError(path, "is empty", cure="export it again")
     broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
     if broken is not None:
+        message = "has a carriage return inside the line"
         raise InputError(
-            path,
-            "has a carriage return inside the line",
-            line=broken,
-            cure="end lines with a line feed (Unix) or with both (Windows)",
+            path, message, line=broken, cure="end lines with a line feed (Unix) or with both (Windows)"
         )
     return _quoted_commas_apart(_whole_lines_unquoted(lines))
 
@@ -312,11 +303,9 @@ def find_dialect(
         better = _better_delimiter(filled, characters[0])
         if better is not None:
             name = better.facts["delimiter"]
+            message = f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}"
             raise InputError(
-                path,
-                f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}",
-                line=len(lines),
-                cure=f'declare delimiter = "{name}", or leave it out',
+                path, message, line=len(lines), cure=f'declare delimiter = "{name}", or leave it out'
             )
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)

@@ -87,11 +87,9 @@ def _with_reflected(
     layout = recorder.as_layout(full_scale=gauge.full_scale)
     pulse = read_recordings(incident.path, [name], layout=layout)[name]
     if pulse.unit != incident.unit:
-        raise file.error(
-            f"{key}.channel",
-            f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}",
-            cure="both pulses come from one gauge: export them in one unit",
-        )
+        message = f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}"
+        cure = "both pulses come from one gauge: export them in one unit"
+        raise file.error(f"{key}.channel", message, cure=cure)
     first, interval = float(incident.time[0]), float(np.median(np.diff(incident.time)))
     place = (float(pulse.time[0]) + start - first) / interval
     row = round(place)
@@ -201,11 +199,9 @@ def load_waves(source: Source) -> WavesInput:
     specimen = Specimen(**declared.specimen.model_dump())
     for side, bar in given.bars.items():
         if specimen.diameter > bar.diameter:
-            raise file.error(
-                "specimen.diameter",
-                "is wider than the bar, which loads only the area of its face",
-                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
-            )
+            message = "is wider than the bar, which loads only the area of its face"
+            allowed = f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm"
+            raise file.error("specimen.diameter", message, allowed=allowed)
     waves = declared.waves
     windows = None
     if waves.incident and waves.reflected and waves.transmitted:  # the schema requires all three
@@ -242,11 +238,9 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
         idle["reflected alignment"] = "two stations give the reflected wave on the clock of the incident wave"
     for key, why in idle.items():
         if switches.stated.get(key, False):
-            raise file.error(
-                "waves.corrections",
-                f"switches {key!r} on, which has no effect in this test: {why}",
-                cure="remove it" if two_stations or key != "separation" else "add [gauges.incident_far]",
-            )
+            message = f"switches {key!r} on, which has no effect in this test: {why}"
+            cure = "remove it" if two_stations or key != "separation" else "add [gauges.incident_far]"
+            raise file.error("waves.corrections", message, cure=cure)
     return switches
 
 

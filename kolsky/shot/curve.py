@@ -118,12 +118,9 @@ def _modes(table: Table, section: ModeColumns) -> FloatArray:
     """All columns of common uncertainties (names with one prefix), shape [n_modes, n]."""
     names = [name for name in table.names if name.startswith(section.prefix)]
     if not 1 <= len(names) <= MOST_MODES:
-        raise InputError(
-            table.path,
-            f"{len(names)} columns begin with '{section.prefix}', 1 to {MOST_MODES} are read",
-            line=table.header_line,
-            cure="correct the beginning in the shot file, or leave it out",
-        )
+        message = f"{len(names)} columns begin with '{section.prefix}', 1 to {MOST_MODES} are read"
+        cure = "correct the beginning in the shot file, or leave it out"
+        raise InputError(table.path, message, line=table.header_line, cure=cure)
     return np.array([table.values(Column(name, section.unit)) for name in names])
 
 

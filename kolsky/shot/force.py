@@ -119,12 +119,9 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
     after = start > last
     elsewhere = f"a quiet span after the last frame at {in_us(last)}" if last < inf else "a quiet span"
     if end > rest and not after:
-        raise toml.error(
-            "force.baseline",
-            "overlaps the flyer's motion",
-            allowed=f"before the last static frame at {in_us(rest)}, or {elsewhere} (shot's clock)",
-            cure="end it earlier; where the record begins too late, name a quiet span after the test",
-        )
+        allowed = f"before the last static frame at {in_us(rest)}, or {elsewhere} (shot's clock)"
+        cure = "end it earlier; where the record begins too late, name a quiet span after the test"
+        raise toml.error("force.baseline", "overlaps the flyer's motion", allowed=allowed, cure=cure)
     if volts.size < SMALLEST_BASELINE:
         raise toml.error(
             "force.baseline",
@@ -148,11 +145,9 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             cure="name a span without force",
         )
     if np.ptp(volts) == 0.0:
-        raise toml.error(
-            "force.baseline",
-            f"holds the same value {volts[0]:.6g} V {volts.size} times, so the noise is unknown",
-            cure="is force.voltage the right column, and was the channel connected?",
-        )
+        message = f"holds the same value {volts[0]:.6g} V {volts.size} times, so the noise is unknown"
+        cure = "is force.voltage the right column, and was the channel connected?"
+        raise toml.error("force.baseline", message, cure=cure)
 
 
 def _halves(volts: FloatArray) -> FloatArray:

@@ -69,12 +69,9 @@ def window(
     start = rest if declared.window.start is None else declared.window.start
     span = f"{in_us(scope_time[0])} to {in_us(scope_time[-1])}"
     if start > rest or start < frame_time[0]:
-        raise toml.error(
-            "window.start",
-            "is not allowed",
-            allowed=f"between the first and the last static frame, {in_us(frame_time[0])} to {in_us(rest)}",
-            cure="the simulation starts from rest",
-        )
+        message = "is not allowed"
+        allowed = f"between the first and the last static frame, {in_us(frame_time[0])} to {in_us(rest)}"
+        raise toml.error("window.start", message, allowed=allowed, cure="the simulation starts from rest")
     if scope_time[0] > start:
         raise InputError(
             scope.path,
@@ -417,11 +414,8 @@ def load_bar_driven(source: Source) -> Shot:
 
     given = load_waves(file)
     if declared.window.start is not None:
-        raise file.error(
-            "window.start",
-            "has no effect where bar waves drive the test: it begins with their arrival",
-            cure="remove it",
-        )
+        message = "has no effect where bar waves drive the test: it begins with their arrival"
+        raise file.error("window.start", message, cure="remove it")
     with refused(file.path.parent, cure="correct the gauge or bar that it names in shot.toml"):
         result = analyse(given)
         fields = shot_fields(file, declared)

@@ -296,12 +296,9 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
         return
     end = float(e.curve.stretch[-1])
     if end > LONGEST_STRETCH:
-        yield e.finding(
-            "curve.strain",
-            f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}",
-            cure=unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit",
-            contradiction=False,
-        )
+        message = f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}"
+        cure = unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit"
+        yield e.finding("curve.strain", message, cure=cure, contradiction=False)
     if e.travel is None:
         return
     strain = float(np.abs(e.travel).max()) / e.declared.specimen.length

@@ -177,11 +177,9 @@ def _export(
     index = np.searchsorted(frames.frame, export.frame).clip(max=frames.frame.size - 1)
     unknown = np.flatnonzero(frames.frame[index] != export.frame)
     if unknown.size:
-        raise InputError(
-            export.paths[int(unknown[0])],
-            f"is frame {export.frame[unknown[0]]}, which is not in {frames.path.name}",
-            cure="give the files the frame numbers of the frames' file",
-        )
+        message = f"is frame {export.frame[unknown[0]]}, which is not in {frames.path.name}"
+        cure = "give the files the frame numbers of the frames' file"
+        raise InputError(export.paths[int(unknown[0])], message, cure=cure)
     return export, frames.time[index] + toml.declared.frames.clock_offset
 
 

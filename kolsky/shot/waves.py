@@ -305,11 +305,8 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     declared = toml.declared
     waves = declared.waves or WavesSection()
     if "analysis" in waves.model_fields_set:
-        raise toml.error(
-            "waves.analysis",
-            "is for tests between bars; a flyer test quotes the stress at each face",
-            cure="remove it",
-        )
+        message = "is for tests between bars; a flyer test quotes the stress at each face"
+        raise toml.error("waves.analysis", message, cure="remove it")
     return FlyerInput(
         shot=shot,
         incident=incident_channel(toml),
