@@ -240,13 +240,9 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
     patterns = np.column_stack([common, _flyer_noise(model, numerics), *shared])
     times = np.concatenate([o.force_times, o.centre_line.time])
     width = float(np.diff(o.bins.edges).mean())
-    return ExpectedResidual(
-        sigma=sigma,
-        patterns=patterns,
-        channel=(np.arange(len(times)) >= n).astype(np.int64),
-        block=((times - times.min()) / width).astype(np.int64),
-        tau=np.zeros(2),
-    )
+    channel = (np.arange(len(times)) >= n).astype(np.int64)
+    block = ((times - times.min()) / width).astype(np.int64)
+    return ExpectedResidual(sigma=sigma, patterns=patterns, channel=channel, block=block, tau=np.zeros(2))
 
 
 def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:

@@ -399,11 +399,8 @@ def _search_beside_leading(
     trials = best_trials(second, rest)
     x = second.at
     names = problem.box.names
-    renewed = replace(
-        findings[0],
-        value=c.value(float(x[-1])),
-        parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
-    )
+    parameters = dict(zip(names, x[: len(names)].tolist(), strict=True))
+    renewed = replace(findings[0], value=c.value(float(x[-1])), parameters=parameters)
     more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
     return (renewed, *list_pairs(more, findings[1:]))
 

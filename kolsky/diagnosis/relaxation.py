@@ -208,13 +208,10 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
     )[0]
     point = from_search(box, best.x)
     found = run(point[None])[0]
-    return BranchFit(
-        strength=float(point[-2]),
-        time=float(point[-1]),
-        aic=deviance(found) - float(costs[0]) + 4.0,
-        share=explained_share(objective, vectors[0, :k], found[:k]),
-        inside=not {STRENGTH, TIME} & set(best.at_bound),
-    )
+    aic = deviance(found) - float(costs[0]) + 4.0
+    share = explained_share(objective, vectors[0, :k], found[:k])
+    inside = not {STRENGTH, TIME} & set(best.at_bound)
+    return BranchFit(strength=float(point[-2]), time=float(point[-1]), aic=aic, share=share, inside=inside)
 
 
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
@@ -289,13 +286,10 @@ def shot_branch_test(
     residual = np.nan_to_num(objective.data - vector)
     block, whitened = objective.block, objective.whitened
     try:
+        blocks = [block // length for length in BLOCKS]
+        seed = runner.problem.settings.seed
         return branch_test(
-            whitened(residual),
-            whitened(slopes.T).T,
-            whitened(directions),
-            times,
-            blocks=[block // length for length in BLOCKS],
-            seed=runner.problem.settings.seed,
+            whitened(residual), whitened(slopes.T).T, whitened(directions), times, blocks=blocks, seed=seed
         )
     except ValueError:  # the free parameters absorb the effect of every branch
         return None

@@ -56,11 +56,9 @@ def at_transducer(shot: ShotBase, response: Response) -> Response:
             [section_force(times, row, delay=delay, round_trip=bar.round_trip) for row in history]
         )
 
-    return replace(
-        response,
-        force_transmission=seen(response.force_transmission),
-        impulse_transmission=seen(response.impulse_transmission),
-    )
+    force_transmission = seen(response.force_transmission)
+    impulse_transmission = seen(response.impulse_transmission)
+    return replace(response, force_transmission=force_transmission, impulse_transmission=impulse_transmission)
 
 
 AGREED = 1e-3

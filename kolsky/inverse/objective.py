@@ -433,12 +433,9 @@ class Objective:
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
         """The objective with discrepancies from the residual of this vector beyond noise and front face."""
+        known = np.sqrt(self.noise**2 + self.pattern_variance)
         force, shape, slow = most_likely_discrepancies(
-            vector - self.data,
-            self.n_force,
-            known=np.sqrt(self.noise**2 + self.pattern_variance),
-            common=self.known_common,
-            slow=self.slow_patterns,
+            vector - self.data, self.n_force, known=known, common=self.known_common, slow=self.slow_patterns
         )
         found = replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
         found.__dict__.update(

@@ -159,12 +159,10 @@ class DesignTable:
     def ending(self, run: int) -> Ending:
         """The ending of a run: outcome, time, element."""
         r, y = self.failed_places[run]
-        return Ending(
-            outcome=Outcome[self.outcomes[run]],
-            time=float(self.end_times[run]),
-            element=int(self.failed_elements[run]),
-            place=(float(r), float(y)),
-        )
+        outcome = Outcome[self.outcomes[run]]
+        time = float(self.end_times[run])
+        element = int(self.failed_elements[run])
+        return Ending(outcome=outcome, time=time, element=element, place=(float(r), float(y)))
 
     @property
     def lost(self) -> tuple[int, ...]:

@@ -225,12 +225,9 @@ def _oscillation(name: str, test: SlowTest, table: Table) -> DynamicTest:
         "storage": table.values(_column(test.storage)),
         "loss": table.values(_column(test.loss)),
     }
-    return DynamicTest(
-        **parts,
-        sigma_storage=_sigma(test, parts["storage"]),
-        sigma_loss=_sigma(test, parts["loss"]),
-        label=name,
-    )
+    sigma_storage = _sigma(test, parts["storage"])
+    sigma_loss = _sigma(test, parts["loss"])
+    return DynamicTest(**parts, sigma_storage=sigma_storage, sigma_loss=sigma_loss, label=name)
 
 
 def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:

@@ -77,12 +77,10 @@ def oscillation_table(
     """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
     shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
+    modulus = factor * small_strain_modulus(shot.curve)
+    window = float(edges[-1] - edges[0])
     number = oscillations(
-        table,
-        modulus=factor * small_strain_modulus(shot.curve),
-        density=shot.specimen.density,
-        length=shot.specimen.length,
-        window=float(edges[-1] - edges[0]),
+        table, modulus=modulus, density=shot.specimen.density, length=shot.specimen.length, window=window
     )
     return table, number
 

@@ -42,10 +42,7 @@ def read(path: Path, layout: Layout) -> Contents:
                 cure = "line 2 holds the time of the first sample, line 3 the interval, both in seconds"
                 raise InputError(path, message, line=number, cure=cure)
     sheet = Sheet(path, dialect, lines[3:], 4, names, (None, None) + ("V",) * (fields - 2), clock)
-    return Contents(
-        path=path,
-        sha256=sha256,
-        channels=SignalTable(sheet, layout, ()).channels(),
-        facts={"format": "lanl", "encoding": encoding, "delimiter": "tab", "decimal": ".", "header": "1"},
-        metadata={key: ", ".join(values) for key, values in keys.items()},
-    )
+    channels = SignalTable(sheet, layout, ()).channels()
+    facts = {"format": "lanl", "encoding": encoding, "delimiter": "tab", "decimal": ".", "header": "1"}
+    metadata = {key: ", ".join(values) for key, values in keys.items()}
+    return Contents(path=path, sha256=sha256, channels=channels, facts=facts, metadata=metadata)

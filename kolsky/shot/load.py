@@ -260,12 +260,8 @@ def _with_pictures(
 def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
     """The shot with specimen length and outline heights corrected by its pictures."""
     declared, uncertainty = shot.specimen.length, dict(shot.uncertainty)
-    length = conditioned_length(
-        rim,
-        declared=declared,
-        sigma=uncertainty.get("specimen_length", 0.0) * declared,
-        y_sigma=uncertainty.get("y_offset", 0.0),
-    )
+    sigma = uncertainty.get("specimen_length", 0.0) * declared
+    length = conditioned_length(rim, declared=declared, sigma=sigma, y_sigma=uncertainty.get("y_offset", 0.0))
     told = replace(shot, length_by_pictures=length, notes=(*shot.notes, *length_notes(length)))
     if not length.conditioned:
         return told
@@ -420,11 +416,8 @@ def load_bar_driven(source: Source) -> Shot:
         result = analyse(given)
         fields = shot_fields(file, declared)
         fields["inputs"] = {**given.inputs, **fields["inputs"]}
-        base = ShotBase(
-            **fields,
-            support="bar",
-            transmission_bar=Bar(**vars(given.bars["transmission"])),
-            force=BarForce(*back_force(result.reduction, result.faces)),
-        )
+        transmission_bar = Bar(**vars(given.bars["transmission"]))
+        force = BarForce(*back_force(result.reduction, result.faces))
+        base = ShotBase(**fields, support="bar", transmission_bar=transmission_bar, force=force)
         shot = driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     return with_warnings(shot)

@@ -27,12 +27,8 @@ FEWEST_MOVING_FRAMES = 24
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
     """The smooth path of a motion. Its scale is taken as exact."""
     if isinstance(motion, FlyerMotion):
-        return fit_flyer(
-            motion,
-            start=start,
-            covariance=_with_zero_start(motion, start),
-            restart=second_impact_time(motion, start),
-        )
+        restart = second_impact_time(motion, start)
+        return fit_flyer(motion, start=start, covariance=_with_zero_start(motion, start), restart=restart)
     return front_path(replace(motion, sigma_gain=0.0))
 
 

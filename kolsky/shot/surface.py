@@ -88,13 +88,9 @@ def surface_history(
         outcome[export.state == state] = int(meaning)
     from dic.surfaces.surface_history import SurfaceHistory  # imports image correlation
 
-    return SurfaceHistory(
-        t=time,
-        X=(export.X - placement.origin) @ placement.rotation.T,
-        u=export.u @ placement.rotation.T,
-        sigma=np.full(export.u.shape, sigma),
-        outcome=outcome,
-    )
+    X = (export.X - placement.origin) @ placement.rotation.T
+    u = export.u @ placement.rotation.T
+    return SurfaceHistory(t=time, X=X, u=u, sigma=np.full(export.u.shape, sigma), outcome=outcome)
 
 
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:

@@ -157,11 +157,9 @@ def route_difference(
     force, shape = by_part["force"], by_part["shape"]
     gain = force.gain - shape.gain
     parts = sources.parts(force.residual + shape.residual, gain)
-    return RouteDifference(
-        values=_named(names, force.x - shape.x + sources.mesh.correction(gain)),
-        sigma=_named(names, root_sum_squares(parts)),
-        budget=_contributions(names, parts),
-    )
+    values = _named(names, force.x - shape.x + sources.mesh.correction(gain))
+    sigma = _named(names, root_sum_squares(parts))
+    return RouteDifference(values=values, sigma=sigma, budget=_contributions(names, parts))
 
 
 def _named(names: Sequence[str], values: FloatArray) -> dict[str, float]:

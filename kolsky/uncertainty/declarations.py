@@ -38,13 +38,9 @@ def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, 
         if seen:
             amount = plain_amount(key, directions[key].value)
             others = [other for other in IDENTIFY_KEYS if other != key and other in directions.keys]
-            part = replace(
-                part,
-                amount=amount,
-                moves=dict(zip(names, directions.repeated_shift(key, amount).tolist(), strict=True)),
-                visible=directions.visible(key),
-                alike=tuple(other for other in others if abs(directions.likeness(key, other)) > ALIKE),
-            )
+            moves = dict(zip(names, directions.repeated_shift(key, amount).tolist(), strict=True))
+            alike = tuple(other for other in others if abs(directions.likeness(key, other)) > ALIKE)
+            part = replace(part, amount=amount, moves=moves, visible=directions.visible(key), alike=alike)
         found.append(part)
     return tuple(found)
 
