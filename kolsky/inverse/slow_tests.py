@@ -155,9 +155,8 @@ def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests for shots, which declare the law; InputError with file, line, key, remedy."""
     toml = parse_toml(path)
     if "law" in toml.content:
-        raise InputError(
-            path, "is that of the shots, so [law] would have no effect", key="law", cure="remove it"
-        )
+        message = "is that of the shots, so [law] would have no effect"
+        raise InputError(path, message, key="law", cure="remove it")
     made = read_slow_list(toml)
     for name, sweep in made.sweeps.items():
         if not sweep.determined:

@@ -209,9 +209,8 @@ def check_samples(path: Path, name: str, samples: int) -> None:
         message = f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read"
         raise InputError(path, message, cure="export the time span of the test only")
     if samples < 2:
-        raise InputError(
-            path, f"channel '{name}' has {samples} samples", cure="name a record, at least two samples long"
-        )
+        message = f"channel '{name}' has {samples} samples"
+        raise InputError(path, message, cure="name a record, at least two samples long")
 
 
 def find_column(

@@ -166,9 +166,8 @@ def read(
     files = [_one(paths[i], layout, unit, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
     programs = {file.program for file in files}
     if len(programs) > 1:
-        raise InputError(
-            paths[0], f"and the others are of {sorted(programs)}", cure="export all frames alike"
-        )
+        message = f"and the others are of {sorted(programs)}"
+        raise InputError(paths[0], message, cure="export all frames alike")
     index = _point_index(files)
     coordinates = np.full((len(files), len(index), 3), np.nan)
     u, state = coordinates.copy(), np.full(coordinates.shape[:2], int(PointState.MISSING))
@@ -271,9 +270,8 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
         keys = tuple(map(tuple, columns(chosen.key)))
         if len(set(keys)) < len(keys):
             twice = next(key for i, key in enumerate(keys) if key in keys[:i])
-            raise sheet.error(
-                f"has the point {chosen.key} = {twice} twice", keys.index(twice), "export each point once"
-            )
+            message = f"has the point {chosen.key} = {twice} twice"
+            raise sheet.error(message, keys.index(twice), "export each point once")
     return _File(path, sha256, chosen.program, keys, coordinates, displacements, state)
 
 
@@ -300,9 +298,8 @@ def _frame_numbers(paths: Sequence[Path]) -> IntArray:
     groups = [re.findall(r"\d+", path.stem) for path in paths]
     count = min(map(len, groups), default=0)
     if any(len(group) != count for group in groups) or not count:
-        raise InputError(
-            paths[0], "and the others have names with different numbers", cure="end them alike: img_0012.csv"
-        )
+        message = "and the others have names with different numbers"
+        raise InputError(paths[0], message, cure="end them alike: img_0012.csv")
     changing = [i for i in range(count) if len({int(group[i]) for group in groups}) == len(groups)]
     varied = [i for i in range(count) if len({int(group[i]) for group in groups}) > 1]
     place = [count - 1] if len(groups) == 1 else changing

@@ -83,9 +83,8 @@ def _lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str
 def _title(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
     """The title of the declared sheet or of the only sheet with data."""
     if wanted is not None and wanted not in titles:
-        raise InputError(
-            path, f"has no sheet '{wanted}'; its sheets are {list(titles)}", cure="correct sheet"
-        )
+        message = f"has no sheet '{wanted}'; its sheets are {list(titles)}"
+        raise InputError(path, message, cure="correct sheet")
     if wanted is not None:
         return wanted
     if len(filled) != 1:

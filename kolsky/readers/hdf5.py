@@ -269,9 +269,8 @@ def inside(path: Path) -> Inside:
         with h5py.File(regular(path), "r") as file:
             found.group(file)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise InputError(
-            path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
-        ) from None
+        message = f"is not an HDF5 file that can be read ({error})"
+        raise InputError(path, message, cure="copy or export it again") from None
     return found
 
 

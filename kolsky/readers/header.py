@@ -300,9 +300,8 @@ def header_clock(
                 start, start_key = stated.number * factor, key
             continue
         if stated.number <= 0.0:
-            raise InputError(
-                path, f"says {key} = {stated.number:g}", allowed="> 0", cure="state the interval"
-            )
+            message = f"says {key} = {stated.number:g}"
+            raise InputError(path, message, allowed="> 0", cure="state the interval")
         quantity = stated.number * factor
         interval = 1.0 / quantity if kind == "1/s" else quantity
         intervals.append((key, interval, 0.5 * interval * stated.digit / stated.number))

@@ -35,9 +35,8 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, message, line=len(lines), cure="the file is cut off; copy or export it again")
     if len(ends) > 2:
         message = "has a second segment"
-        raise InputError(
-            path, message, line=ends[2] + 1, cure="save each record in a separate file; one segment is read"
-        )
+        cure = "save each record in a separate file; one segment is read"
+        raise InputError(path, message, line=ends[2] + 1, cure=cure)
     separator = "," if "Separator,Comma" in (line.strip() for line in lines[: ends[0]]) else "\t"
     file_keys, segment_keys = (
         keys_beside([line.split(separator) for line in part])
@@ -62,9 +61,8 @@ def read(path: Path, layout: Layout) -> Contents:
     width = columns[-1] + 1
     if len(headings) < width:
         message = f"names {len(headings)} columns, the header announces {width}"
-        raise InputError(
-            path, message, line=ends[1] + 2, cure="the file is damaged or cut off; copy or export it again"
-        )
+        cure = "the file is damaged or cut off; copy or export it again"
+        raise InputError(path, message, line=ends[1] + 2, cure=cure)
     names = tuple(name or str(i + 1) for i, name in enumerate(headings[:width]))
     rows = []
     for parts in (line.split(separator) for line in lines[ends[1] + 2 :]):

@@ -200,6 +200,5 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -
         sample = example.split(" ", 1)[1]
         option = f"{wanted.option} '{sample}'" if wanted.option else f"--unit '{channel.name}={sample}'"
         message = f"column '{channel.name}' for the {quantity} {problem}"
-        raise InputError(
-            path, message, allowed=f"in a unit of {words}", cure=f"declare it: {option}"
-        ) from None
+        allowed = f"in a unit of {words}"
+        raise InputError(path, message, allowed=allowed, cure=f"declare it: {option}") from None

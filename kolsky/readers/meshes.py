@@ -59,9 +59,8 @@ def read_mesh(path: Path, *, dimension: int) -> MeshFile:
     data = read_bytes(path, limit=MESH_SIZE_LIMIT)
     reader = {".msh": meshio.gmsh.read, ".vtu": meshio.vtu.read}.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
-            path, f"ends in {path.suffix!r}", allowed=".msh, .vtu", cure="save it as one of them"
-        )
+        message = f"ends in {path.suffix!r}"
+        raise InputError(path, message, allowed=".msh, .vtu", cure="save it as one of them")
     try:
         _check_elements(data)
         found = reader(str(path))
@@ -70,9 +69,8 @@ def read_mesh(path: Path, *, dimension: int) -> MeshFile:
         cure = "save it again: MSH of Gmsh 2 or 4.1, or VTU"
         raise InputError(path, f"cannot be read as a mesh: {words}", cure=cure) from None
     except (OSError, EOFError, SyntaxError, struct.error, zlib.error) as error:
-        raise InputError(
-            path, f"cannot be read as a mesh: {error}", cure="save it again: is it cut?"
-        ) from None
+        message = f"cannot be read as a mesh: {error}"
+        raise InputError(path, message, cure="save it again: is it cut?") from None
     kinds = sorted({block.type for block in found.cells if block.dim == dimension})
     if len(kinds) != 1 or kinds[0] not in KINDS[dimension]:
         raise InputError(

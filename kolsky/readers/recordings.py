@@ -85,9 +85,8 @@ def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
     """Check that a channel is not constant."""
     if np.ptp(values) == 0.0:
         message = f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples"
-        raise InputError(
-            path, message, line=channel.place(0), cure="is it the right channel, and was it connected?"
-        )
+        cure = "is it the right channel, and was it connected?"
+        raise InputError(path, message, line=channel.place(0), cure=cure)
 
 
 def check_unclipped(
@@ -235,9 +234,8 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
 
 def _check_layout(path: Path, layout: Layout) -> None:
     if layout.format is not None and layout.format not in FORMATS:
-        raise InputError(
-            path, f"is declared to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
-        )
+        message = f"is declared to have the format '{layout.format}'"
+        raise InputError(path, message, allowed=f"one of {', '.join(FORMATS)}")
     if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
         raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
     if layout.start is not None and not np.isfinite(layout.start):
@@ -300,12 +298,10 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
         raise InputError(contents.path, f"does not state the unit of channel '{channel.name}'", cure=cure)
     known = si_unit(text)
     if known is None:
-        raise InputError(
-            contents.path,
-            f"channel '{channel.name}' has the unit '{text}'",
-            allowed='a unit such as "V", "mV", "N", "Pa", "strain"',
-            cure='declare it in the layout: unit = "mV"',
-        )
+        message = f"channel '{channel.name}' has the unit '{text}'"
+        allowed = 'a unit such as "V", "mV", "N", "Pa", "strain"'
+        cure = 'declare it in the layout: unit = "mV"'
+        raise InputError(contents.path, message, allowed=allowed, cure=cure)
     return known
 
 

@@ -155,17 +155,15 @@ def _first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: L
     """Index of the first line of samples: the declared one, else the first that has their form."""
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
-            raise InputError(
-                path, f"first_line = {layout.first_line}", allowed=f"in [1, {len(lines)}], the file's lines"
-            )
+            message = f"first_line = {layout.first_line}"
+            raise InputError(path, message, allowed=f"in [1, {len(lines)}], the file's lines")
         return layout.first_line - 1
     above = max(layout.header_line or 0, layout.units_line or 0)
     for index in range(above, len(lines)):
         if dialect.is_samples(lines[index]):
             return index
-    raise InputError(
-        path, "has a header but no data", line=len(lines), cure="export it again, or declare first_line"
-    )
+    message = "has a header but no data"
+    raise InputError(path, message, line=len(lines), cure="export it again, or declare first_line")
 
 
 def _heading_lines(
@@ -180,9 +178,8 @@ def _heading_lines(
         if stated and stated - 1 not in fitting:
             found = len(dialect.split(lines[stated - 1])) if stated <= first else 0
             message = f"has {found} fields here, the samples below have {dialect.fields}"
-            raise InputError(
-                path, message, line=stated, cure="correct header_line and units_line in the layout"
-            )
+            cure = "correct header_line and units_line in the layout"
+            raise InputError(path, message, line=stated, cure=cure)
     units_line = -1 if layout.units_line is None else layout.units_line - 1
     if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]], len(fitting) > 1):
         units_line = fitting[-1] if layout.header_line != fitting[-1] + 1 else -1
@@ -257,9 +254,8 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
     if numbers and not all(text.isdecimal() for text in numbers):
         wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
         message = f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}"
-        raise InputError(
-            path, message, line=number + 1, cure="correct the line, or give header_line in the layout"
-        )
+        cure = "correct the line, or give header_line in the layout"
+        raise InputError(path, message, line=number + 1, cure=cure)
 
 
 LONGEST_HEADER = 5000
@@ -293,9 +289,8 @@ def find_table(
     first = _first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
     if first > LONGEST_HEADER:
         message = f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read"
-        raise InputError(
-            path, message, line=first + 1, cure="is it the right file? if so, export the samples alone"
-        )
+        cure = "is it the right file? if so, export the samples alone"
+        raise InputError(path, message, line=first + 1, cure=cure)
     above = [uncommented(line, layout.comment) for line in lines[:first]]
     header_line, units_line = _heading_lines(path, above, first, dialect, layout)
     headings = _cells(dialect, above[header_line]) if header_line >= 0 else []

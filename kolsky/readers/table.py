@@ -211,9 +211,8 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         layout = replace(named, encoding=None, delimiter="tab", decimal=".")
     else:
         if layout is not None and layout.sheet is not None:
-            raise InputError(
-                path, f"is declared with the sheet '{layout.sheet}', and it is text", cure="leave sheet out"
-            )
+            message = f"is declared with the sheet '{layout.sheet}', and it is text"
+            raise InputError(path, message, cure="leave sheet out")
         data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
         layout = layout or detect_layout(path, data)

@@ -104,9 +104,8 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
     broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
     if broken is not None:
         message = "has a carriage return inside the line"
-        raise InputError(
-            path, message, line=broken, cure="end lines with a line feed (Unix) or with both (Windows)"
-        )
+        cure = "end lines with a line feed (Unix) or with both (Windows)"
+        raise InputError(path, message, line=broken, cure=cure)
     return _quoted_commas_apart(_whole_lines_unquoted(lines))
 
 
@@ -304,9 +303,8 @@ def find_dialect(
         if better is not None:
             name = better.facts["delimiter"]
             message = f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}"
-            raise InputError(
-                path, message, line=len(lines), cure=f'declare delimiter = "{name}", or leave it out'
-            )
+            cure = f'declare delimiter = "{name}", or leave it out'
+            raise InputError(path, message, line=len(lines), cure=cure)
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)
     # max() returns the first of equal items, in the order of `DELIMITERS`.

@@ -197,12 +197,10 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
     section = declared.completed(toml.declared.force)
     channel = _channel_of(toml.path.parent, section, "incident_force")
     if channel.baseline_volts().size < SMALLEST_BASELINE:
-        raise toml.error(
-            "incident_force.baseline",
-            f"holds {channel.baseline_volts().size} samples",
-            allowed=f"{SMALLEST_BASELINE} or more",
-            cure="widen it within the stretch before the test, on the shot's clock",
-        )
+        message = f"holds {channel.baseline_volts().size} samples"
+        cure = "widen it within the stretch before the test, on the shot's clock"
+        allowed = f"{SMALLEST_BASELINE} or more"
+        raise toml.error("incident_force.baseline", message, allowed=allowed, cure=cure)
     return channel
 
 

@@ -103,9 +103,8 @@ def window(
         beyond |= frame_time >= symmetry_end
     end = float(frame_time[~beyond][-1])
     if not start < end:
-        raise toml.error(
-            "frames.static", "leaves no frame after the static ones", cure="declare fewer static frames"
-        )
+        message = "leaves no frame after the static ones"
+        raise toml.error("frames.static", message, cure="declare fewer static frames")
     return start, end
 
 
@@ -189,9 +188,8 @@ def load_pictures(source: Source) -> PicturedShot:
     """
     toml, frames = _open(source)
     if toml.declared.pictures is None:
-        raise toml.error(
-            "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
-        )
+        message = "is missing: this shot has no pictures"
+        raise toml.error("pictures", message, cure="add [pictures], [calibration], [dic]")
     pictures = open_pictures(toml, frames)
     check_frames(pictures)
     return _with_picture_set(toml, frames, pictures)

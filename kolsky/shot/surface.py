@@ -253,9 +253,8 @@ def check_outline(
             message = f"{name} is {1e3 * float(value[row]):.6g} mm in frame {line.frame[row]}"
             if rows.size > 1:
                 message += f" ({rows.size} such points)"
-            raise InputError(
-                path, f"{message}; it must be {allowed}", line=line_of(row) if line_of else None, cure=cure
-            )
+            message = f"{message}; it must be {allowed}"
+            raise InputError(path, message, line=line_of(row) if line_of else None, cure=cure)
     if not np.any((line.time >= span[0]) & (line.time <= span[1])):
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 

@@ -435,9 +435,8 @@ def repeats(
     for number, (path, one) in enumerate(zip(paths, given, strict=True)):
         progress("repeats", number, len(paths))
         if one.name in found:
-            raise InputError(
-                folder_of(path), f"another shot is called {one.name!r} too", cure="give each its own name"
-            )
+            message = f"another shot is called {one.name!r} too"
+            raise InputError(folder_of(path), message, cure="give each its own name")
         with refused(folder_of(path), cure=CURE):
             found[one.name] = analyse(one).reduction
     progress("repeats", len(paths), len(paths))

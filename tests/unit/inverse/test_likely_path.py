@@ -135,7 +135,7 @@ def test_modes_take_the_place_of_the_changes_they_are_made_of() -> None:
     amplitudes = np.array([1.5, -2.0])
     fewer, shares = modes.own_jerks, modes.amplitudes(amplitudes @ modes.shares)
     # Two runs, the same path, and the same patterns.
-    np.testing.assert_allclose(shares @ fewer, modes.moved(REST_4, amplitudes).jerk, atol=1e-12)
+    np.testing.assert_allclose(shares @ fewer, MovedFront(REST_4, modes, amplitudes).path.jerk, atol=1e-12)
     again = PathModes.of(fewer @ response, np.full(9, 0.2), fewer)
     np.testing.assert_allclose(
         again.patterns.T @ again.patterns, modes.patterns.T @ modes.patterns, atol=1e-12
