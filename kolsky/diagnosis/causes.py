@@ -427,11 +427,9 @@ def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: 
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
     followed = search.followed([*starts, *_same_force_starts(search, starts)])
     followed += _stretched_runs(search, candidates)
-    best = {t.candidate.key: t for t in tangents}
-    for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
-        if search.gain(t.misfits) > 0.0:  # otherwise the linear step is better
-            best[t.candidate.key] = t
-    return list(best.values())
+    better = [t for t in followed if search.gain(t.misfits) > 0.0]  # otherwise the linear step is better
+    better.sort(key=lambda t: -search.loss(t.misfits))
+    return list({t.candidate.key: t for t in (*tangents, *better)}.values())
 
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:

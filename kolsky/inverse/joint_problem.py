@@ -114,9 +114,8 @@ class Stack:
         """The weights of the whole vector by the shots' weights and ``more`` patterns, shape [n, k]."""
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [self.placed(k, objective.common) for k, objective in enumerate(objectives)]
-        for shared in (self.common, self.curve, self.slow_scatter, more):
-            if shared is not None:
-                rows.append(self.padded(shared))
+        shared = (self.common, self.curve, self.slow_scatter, more)
+        rows += [self.padded(one) for one in shared if one is not None]
         return Whitening(sigma, np.concatenate(rows))
 
     def placed(self, k: int, rows: FloatArray) -> FloatArray:

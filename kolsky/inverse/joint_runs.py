@@ -225,9 +225,8 @@ class JointRuns:
         if self.ledger is None or not lost or not self._file:
             return
         with Ledger(self.ledger, self.model_hash) as book:
-            for key, run in zip(lost, book.find(np.array(lost)), strict=True):
-                if run is not None:
-                    self.known[key] = run.results
+            found = zip(lost, book.find(np.array(lost)), strict=True)
+            self.known |= {key: run.results for key, run in found if run is not None}
 
     def _record(self, fresh: Mapping[tuple[float, ...], FloatArray]) -> None:
         if self.ledger is None:

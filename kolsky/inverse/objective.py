@@ -237,23 +237,8 @@ PATTERN_ERROR = 0.2
 """Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 
 
-WITHOUT_DISCREPANCIES = frozenset(
-    {
-        "_of_force",
-        "counts",
-        "data",
-        "front_noise",
-        "kept",
-        "known_common",
-        "noise",
-        "outline_errors",
-        "pattern_variance",
-        "points_per_frame",
-        "slow_patterns",
-        "times",
-    }
-)
-"""Cached properties that do not depend on the discrepancies; the next objective reuses them."""
+WITH_DISCREPANCIES = ("common", "own_sigma", "sigma", "_whitenings")
+"""Cached properties that depend on the discrepancies; the next objective reuses all others."""
 
 
 @dataclass(frozen=True)
@@ -438,9 +423,9 @@ class Objective:
             vector - self.data, self.n_force, known=known, common=self.known_common, slow=self.slow_patterns
         )
         found = replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
-        found.__dict__.update(
-            {name: self.__dict__[name] for name in WITHOUT_DISCREPANCIES & {*self.__dict__}}
-        )
+        for name, value in vars(self).items():
+            if name not in WITH_DISCREPANCIES and isinstance(getattr(Objective, name, None), cached_property):
+                vars(found)[name] = value
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ The command line makes its options from these fields. The module therefore does 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, Literal
 
 from kolsky.base.errors import InputError
@@ -36,14 +37,12 @@ def _compressible() -> float:
     return COMPRESSIBLE
 
 
+_numerical = partial(Option, panel=NUMERICAL)
 Mesh = Annotated[
-    tuple[int, int],
-    Option("Elements across the radius x along the length.", metavar="NRxNY", panel=NUMERICAL),
+    tuple[int, int], _numerical("Elements across the radius x along the length.", metavar="NRxNY")
 ]
-Device = Annotated[
-    str, Option('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device, panel=NUMERICAL)
-]
-Threads = Annotated[int | None, Option("CPU threads.", min=1, show_default="all cores", panel=NUMERICAL)]
+Device = Annotated[str, _numerical('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device)]
+Threads = Annotated[int | None, _numerical("CPU threads.", min=1, show_default="all cores")]
 Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED)]
 
 
@@ -58,11 +57,10 @@ class Numerics:
     """Time step divided by the stability limit [-]."""
     precision: Annotated[
         Literal["fp64", "fp32"] | None,
-        Option(
+        _numerical(
             "Arithmetic of the solver: fp64 or fp32.",
             metavar="CHOICE",
             show_default="fp64; fp32 on the coarse meshes of a search where nothing slides",
-            panel=NUMERICAL,
         ),
     ] = None
     """None: double precision, except on the coarse meshes of a search, see `for_search`."""
@@ -70,27 +68,24 @@ class Numerics:
     threads: Threads = None
     past_data: Annotated[
         Literal["continue", "stop"],
-        Option(
-            "Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
-            metavar="CHOICE",
-            panel=NUMERICAL,
+        _numerical(
+            "Beyond the quasi-static curve's end: continue on its tangent, or stop the run.", metavar="CHOICE"
         ),
     ] = "continue"
     element: Annotated[
         Literal["one_point", "fbar"],
-        Option("one_point, or fbar: fully integrated, three times as expensive.", panel=NUMERICAL),
+        _numerical("one_point, or fbar: fully integrated, three times as expensive."),
     ] = "one_point"
     hourglass_form: Annotated[
         Literal["stiffness", "viscous"],
-        Option("Hourglass control of one_point: stiffness or viscous.", name="hourglass", panel=NUMERICAL),
+        _numerical("Hourglass control of one_point: stiffness or viscous.", name="hourglass"),
     ] = "stiffness"
     compressible: Annotated[
         float | None,
-        Option(
+        _numerical(
             "Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
             name="nearly-incompressible",
             on=_compressible,
-            panel=NUMERICAL,
         ),
     ] = None
     """Poisson's ratio of the runs. Coarser meshes give the correction to the requested ratio, see

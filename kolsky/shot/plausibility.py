@@ -264,30 +264,21 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         and -0.1 * length <= heights.min()
         and heights.max() <= 1.1 * length
     )
+    causes = [by_offset, "is it the right column, and are y and Z swapped?"]
     if swapped:
-        return likely_causes("are y and Z swapped?", by_offset)
-    if abs(middle + radius) <= RADIUS_TOLERANCE * radius:
-        return likely_causes(
-            f"Z counts toward the cameras: reverse the sign of {table}.Z in the file", by_offset
-        )
-    if factor == 0.5:
-        wider = 4e3 * radius
-        return likely_causes(
-            f'specimen.diameter = "{wider:.6g} mm" would fit: was the radius given?',
-            f"{table}.Z may hold the diameter",
-            by_offset,
-        )
-    if factor == 2.0:
-        return likely_causes(
-            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?', by_offset
-        )
-    if factor is not None:
-        return likely_causes(
-            unit_cure(e.file, f"{table}.Z", "m", factor),
-            unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES),
-            by_offset,
-        )
-    return likely_causes(by_offset, "is it the right column, and are y and Z swapped?")
+        causes = ["are y and Z swapped?", by_offset]
+    elif abs(middle + radius) <= RADIUS_TOLERANCE * radius:
+        causes = [f"Z counts toward the cameras: reverse the sign of {table}.Z in the file", by_offset]
+    elif factor == 0.5:
+        wider = f'specimen.diameter = "{4e3 * radius:.6g} mm" would fit: was the radius given?'
+        causes = [wider, f"{table}.Z may hold the diameter", by_offset]
+    elif factor == 2.0:
+        half = f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?'
+        causes = [half, by_offset]
+    elif factor is not None:
+        of_diameter = unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES)
+        causes = [unit_cure(e.file, f"{table}.Z", "m", factor), of_diameter, by_offset]
+    return likely_causes(*causes)
 
 
 def _curve_reach(e: Evidence) -> Iterator[Finding]:

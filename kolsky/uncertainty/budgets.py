@@ -49,10 +49,8 @@ class InputChanges:
 
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, [d] each; ``gain``: data -> optimum, [d, k]."""
-        found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
-        for key, changes in self.replicates.items():
-            found[key] = replicate_uncertainty(changes @ gain.T)
-        return found
+        drawn = {key: replicate_uncertainty(changes @ gain.T) for key, changes in self.replicates.items()}
+        return {key: np.abs(gain @ change) for key, change in self.scales.items()} | drawn
 
 
 def as_drawn(patterns: FloatArray) -> FloatArray:

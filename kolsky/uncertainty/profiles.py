@@ -50,12 +50,9 @@ def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box
     return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
 
 
-def full_likelihood(
-    model: CorrectedSurrogate, objective: Objective, box: Box, *, taus: tuple[float, float] | None = None
-) -> Likelihood:
+def full_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
     """The likelihood of the whole data vector, with one channel for the force and one for the outline."""
-    force, shape = taus or (objective.force_discrepancy, objective.shape_discrepancy)
-    n = objective.n_force
+    n, force, shape = objective.n_force, objective.force_discrepancy, objective.shape_discrepancy
     channels = [Channel("force", objective.noise[:n], discrepancy=force)]
     if len(objective.data) > n:
         channels.append(Channel("outline", objective.noise[n:], discrepancy=shape))
