@@ -335,7 +335,8 @@ class Forward:
         fields: Fields = {}
         for name, p in PARAMETERS.items():
             if p.belongs_to(self.shot):
-                fields = p.entered(fields, values.get(name, p.held(self.shot)))
+                value = values.get(name, p.held(self.shot))
+                fields = {**fields, name: value} if p.enters is None else p.enters(fields, value)
         fields, relaxing = what_relaxes(fields, self.shot.relaxation)
         samples = explicit.Samples.of(
             **fields,

@@ -142,9 +142,7 @@ class Stack:
 
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
         """A row of all data; its entries of all other shots are zero, shape [k]."""
-        found = np.zeros_like(row)
-        found[self.place(k)] = row[self.place(k)]
-        return found
+        return self.placed(k, row[None, self.place(k)])[0]
 
     def of_each(self, *rows: FloatArray) -> FloatArray:
         """Each row of all data, split into one row per shot, shape [n, k]."""

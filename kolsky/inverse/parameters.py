@@ -86,10 +86,6 @@ class Parameter:
     relaxes: bool = False
     """True if it is a constant of the relaxation. Only a shot with such a [relaxation] has the parameter."""
 
-    def entered(self, fields: Fields, value: Any) -> Fields:
-        """The solver's samples with a value of the parameter."""
-        return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
-
     def belongs_to(self, shot: Shot) -> bool:
         """True if the shot has the parameter; only constants of the relaxation may be missing."""
         return not self.relaxes or (shot.relaxation is not None and self.name in shot.relaxation.values)

@@ -228,7 +228,7 @@ def find_column(
     """Index of a column by its name (of an HDF5 path, without its slash too) or, failing that, its number.
 
     ``path``, ``line``, ``cure``: for messages. ``what``: the column's kind, e.g. "time column". ``numbers``:
-    numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not their names.
+    numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not twenty names.
     ``purpose``: what it is for, e.g. " for the stress". Raises InputError if not one column has it.
     """
     found = [i for i, name in enumerate(names) if name in (wanted, f"/{wanted}")]
@@ -240,7 +240,7 @@ def find_column(
         by_number = f"give the number of one: {', '.join(str(numbers[i]) for i in found)}" if numbers else ""
         message = f"{what} '{wanted}' is there {len(found)} times"
         raise InputError(path, message, line=line, cure=by_number or "give each column a different name")
-    words = ", ".join(f"'{name}'" for name in names) if listed is None else listed
+    words = ", ".join(f"'{name}'" for name in names[:20]) if listed is None else listed
     missing = f"{what} '{wanted}'{purpose} is missing; the {what.split()[-1]}s are {words}"
     raise InputError(path, missing, line=line, cure=cure)
 

@@ -20,6 +20,7 @@ from kolsky.readers.contents import (
     array_clock,
     check_samples,
     file_hash,
+    find_column,
     head_of,
     stated_clock,
 )
@@ -72,18 +73,11 @@ def array_channels(
     ``scalars``: its single numbers, by name. ``layout``: the declared layout. Raises InputError if there is
     nothing to read, or if a declared array of times is missing.
     """
-    by_name = {array.name: array for array in arrays}
-    stated = layout.time
-    wanted = (
-        [str(t) for t in stated.values()] if isinstance(stated, Mapping) else [str(stated)] if stated else []
-    )
-    wanted = [name if name in by_name else f"/{name}" for name in wanted]
-    for name in wanted:
-        if name not in by_name:
-            names = ", ".join(f"'{array}'" for array in list(by_name)[:20])
-            message = f"has no array '{name.removeprefix('/')}' of times; it has {names}"
-            raise InputError(path, message, cure="correct time in the layout")
-    times = wanted or [array.name for array in arrays if _last(array.name) in ("t", "time", "times")]
+    by_name, stated = {array.name: array for array in arrays}, layout.time
+    names, cure = list(by_name), "correct time in the layout"
+    said = stated.values() if isinstance(stated, Mapping) else [] if stated is None else [stated]
+    found = [find_column(path, names, str(one), "array", purpose=" of times", cure=cure) for one in said]
+    times = [names[i] for i in found] or [name for name in names if _last(name) in ("t", "time", "times")]
     signals = [array for array in arrays if array.name not in times]
     if not signals:
         raise InputError(path, "holds no array of numbers but times", cure="save the signals as plain arrays")

@@ -342,8 +342,10 @@ class SignalTable:
 
         Raises InputError if there are fewer samples than the header declares, too many, or too few.
         """
-        sheet = self.sheet
-        self._check_count()
+        sheet, rows, promised = self.sheet, len(self.sheet.rows), stated_samples(self.sheet.metadata)
+        if promised is not None and rows < promised[1]:
+            message = f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}"
+            raise sheet.error(message, rows - 1, "the file is cut off; copy or export it again")
         columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *self.counts)]
         if not columns:
             raise sheet.error("has a time column but no signal", None, "export a channel, or correct time")
@@ -450,13 +452,6 @@ class SignalTable:
         # seconds, if the column's steps equal the header's interval in seconds
         first, last = (float(self.sheet.field(number, row)) for row in (0, rows - 1))
         return "s" if abs((last - first) / (rows - 1) / header.interval - 1.0) < SAME_STEP else None
-
-    def _check_count(self) -> None:
-        promised = stated_samples(self.sheet.metadata)
-        rows = len(self.sheet.rows)
-        if promised is not None and rows < promised[1]:
-            message = f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}"
-            raise self.sheet.error(message, rows - 1, "the file is cut off; copy or export it again")
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
