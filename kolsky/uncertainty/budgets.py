@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -126,11 +127,6 @@ def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]
     return {RESIDUALS: np.sqrt(np.diag(residual)), **sources.inputs.parts(objective.gain(fine.jacobian))}
 
 
-def root_sum_squares(parts: dict[str, FloatArray]) -> FloatArray:
-    """Root sum of squares of the parts, shape [d]."""
-    return np.asarray(np.sqrt(np.sum([part**2 for part in parts.values()], axis=0)))
-
-
 def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> Route:
     """A route with its correction for the mesh and its budget."""
     parts = sources.parts(optimum.residual, optimum.gain)
@@ -139,9 +135,8 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
         name=optimum.name,
         parameters=_named(names, optimum.x + correction),
         cost=optimum.cost,
-        sigma=_named(names, root_sum_squares(parts)),
         correction=_named(names, correction),
-        budget=_contributions(names, parts),
+        **_budget(names, parts),
     )
 
 
@@ -156,16 +151,18 @@ def route_difference(
     gain = force.gain - shape.gain
     parts = sources.parts(force.residual + shape.residual, gain)
     values = _named(names, force.x - shape.x + sources.mesh.correction(gain))
-    sigma = _named(names, root_sum_squares(parts))
-    return RouteDifference(values=values, sigma=sigma, budget=_contributions(names, parts))
+    return RouteDifference(values=values, **_budget(names, parts))
 
 
 def _named(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     return dict(zip(names, np.asarray(values).tolist(), strict=True))
 
 
-def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[Contribution, ...]:
-    return tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
+def _budget(names: Sequence[str], parts: dict[str, FloatArray]) -> dict[str, Any]:
+    """The root sum of squares of the parts, and each of them, as fields of a route."""
+    whole = np.sqrt(np.sum([part**2 for part in parts.values()], axis=0))
+    budget = tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
+    return {"sigma": _named(names, whole), "budget": budget}
 
 
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
