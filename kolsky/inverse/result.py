@@ -139,7 +139,8 @@ class FitQuality:
     def spread(self, noise: FloatArray) -> FloatArray:
         """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
-        ``noise``: of each value. The other sources count equally everywhere, in all `expected`.
+        ``noise``: of each value. The other sources have one root mean square at all values. That of the
+        spread is `expected`.
         """
         others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
         return np.sqrt(noise**2 + others)
