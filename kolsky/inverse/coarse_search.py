@@ -174,7 +174,14 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
 def search_coarse(runner: Runner) -> CoarseOptimum:
     """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted."""
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
-    return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
+    if runner.problem.box.dimension == 1:
+        return second_design(runner, wide)
+    # batches of runs about the optimum until it converges
+    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
+    try:
+        return _refined_surrogate(runner, _refine(runner, objective))
+    except SurrogateError as error:
+        raise no_surrogate(error, wide) from error
 
 
 def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
@@ -203,16 +210,6 @@ def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surr
     except SurrogateError as error:
         raise no_surrogate(error, runs) from error
     return objective, surrogate
-
-
-def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
-    """Batches of runs about the optimum until it converges."""
-    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
-    try:
-        found = _refine(runner, objective)
-    except SurrogateError as error:
-        raise no_surrogate(error, wide) from error
-    return _refined_surrogate(runner, found)
 
 
 def _refine(runner: Runner, objective: Objective) -> Refinement:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -303,19 +302,18 @@ def predict(response: Response, observations: Observations) -> Prediction:
             radius_at(r, y, frame, line.y)
             for r, y in zip(response.surface_r, response.surface_y, strict=True)
         ]
+
+    def bin_means(bins: ForceBins, force: str) -> FloatArray:
+        impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
+        edge = _rows(t, bins.edges, "bin edge", "force_times")
+        return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))
+
     return Prediction(
         force=np.stack([np.interp(recorded, t, f) for f in response.force_transmission]),
-        force_bins=observations.of_forces(partial(_bin_means, response)),
+        force_bins=observations.of_forces(bin_means),
         Z=np.stack([Z for Z, _ in outline]),
         inside=np.stack([inside for _, inside in outline]),
     )
-
-
-def _bin_means(response: Response, bins: ForceBins, force: str) -> FloatArray:
-    """Exact means of a simulated force over bins, from its impulse, shape [n_samples, n_bins]."""
-    impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
-    edge = _rows(response.force_times, bins.edges, "bin edge", "force_times")
-    return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))
 
 
 _NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))

@@ -209,7 +209,15 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
 
     Raises InputError if the file cannot be read, or if its format is unknown.
     """
-    _check_layout(path, layout)
+    if layout.format is not None and layout.format not in FORMATS:
+        message = f"is declared to have the format '{layout.format}'"
+        raise InputError(path, message, allowed=f"one of {', '.join(FORMATS)}")
+    if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
+        raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
+    if layout.start is not None and not np.isfinite(layout.start):
+        raise InputError(path, f"is declared to start at {layout.start} s", allowed="finite")
+    if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
+        raise InputError(path, f"is declared to have the full scale {layout.full_scale}", allowed="> 0")
     if layout.format is not None:
         return FORMATS[layout.format].read(path, layout)
     if not path.is_file():
@@ -230,18 +238,6 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
         )
     cure = f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}"
     raise InputError(path, "is of no known format", cure=cure)
-
-
-def _check_layout(path: Path, layout: Layout) -> None:
-    if layout.format is not None and layout.format not in FORMATS:
-        message = f"is declared to have the format '{layout.format}'"
-        raise InputError(path, message, allowed=f"one of {', '.join(FORMATS)}")
-    if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
-        raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
-    if layout.start is not None and not np.isfinite(layout.start):
-        raise InputError(path, f"is declared to start at {layout.start} s", allowed="finite")
-    if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
-        raise InputError(path, f"is declared to have the full scale {layout.full_scale}", allowed="> 0")
 
 
 def _find(contents: Contents, wanted: str) -> Channel:

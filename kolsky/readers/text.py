@@ -299,7 +299,11 @@ def find_dialect(
         dialects = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
     several = [d for d in dialects if d.fields > 1] or dialects
     if delimiter is not None and dialects and dialects[0].fields == 1:
-        better = _better_delimiter(filled, characters[0])
+        every = [
+            (d.character, sign) for d in DELIMITERS for sign in ".," if d.character not in (*characters, sign)
+        ]
+        tried = (_columns(filled, *other) for other in every)
+        better = next((one for one in tried if one is not None and one.fields > 1), None)
         if better is not None:
             name = better.facts["delimiter"]
             message = f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}"
@@ -416,13 +420,6 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
             if field and not best.is_number(field):
                 return i + 1, field
     return len(lines), lines[-1]
-
-
-def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
-    """The dialect of the lines with another delimiter than the declared one."""
-    others = [(d.character, sign) for d in DELIMITERS for sign in ".," if d.character not in (stated, sign)]
-    found = (_columns(lines, *other) for other in others)
-    return next((dialect for dialect in found if dialect is not None and dialect.fields > 1), None)
 
 
 def declared_delimiter(path: Path, value: str) -> str:

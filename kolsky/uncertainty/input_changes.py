@@ -501,19 +501,15 @@ def input_directions(
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
             if key == "specimen_length":
                 change = change + model.heights_with_length(shot, step)
-        found.append(InputDirection(key, step, np.nan_to_num(change), _declared_value(key, shot, held)))
+        one, value = INPUTS[key], float("nan")
+        if key in PARAMETERS:
+            value = held.get(key, PARAMETERS[key].held(shot))
+        elif one.specimen:
+            value = float(getattr(shot.specimen, one.specimen))
+        found.append(InputDirection(key, step, np.nan_to_num(change), value))
         runner.work.progress("inputs", done + 1, len(wanted))
     runner.work.progress("inputs", len(wanted), len(wanted))
     return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
-
-
-def _declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
-    """The declared or held value of an input in SI; NaN if it has none."""
-    if key in PARAMETERS:
-        return held.get(key, PARAMETERS[key].held(shot))
-    if INPUTS[key].specimen:
-        return float(getattr(shot.specimen, INPUTS[key].specimen))
-    return float("nan")
 
 
 def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:

@@ -258,19 +258,6 @@ def route_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def _method_warnings(result: Identification) -> Iterator[str]:
-    """Warning if methods find different optima. The misfit then has several valleys or is rough."""
-    for method, name, distance in disagreements(result.methods):
-        if isfinite(distance):
-            yield (
-                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
-                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
-                f"answer ({method.ended})"
-            )
-        else:
-            yield f"{method.name} has no value of {name} to compare ({method.ended})"
-
-
 def bound_warnings(result: Identification) -> Iterator[str]:
     """Warning if an interval extends beyond the design. There are no runs outside the design."""
     design = result.design
@@ -330,7 +317,15 @@ def collect_warnings(
             "no outline was measured: the value depends on the force only, and nothing shows whether the "
             "specimen deformed as in the model, slid on the platens or was of another length"
         )
-    said += [*route_warnings(result), *_method_warnings(result)]
+    said += route_warnings(result)
+    for method, name, distance in disagreements(result.methods):
+        said.append(f"{method.name} has no value of {name} to compare ({method.ended})")
+        if isfinite(distance):
+            said[-1] = (
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
+                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
+                f"answer ({method.ended})"
+            )
     if "shape only" in routes and "paper" not in routes:
         said.append(
             "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs: the optimum of that cost "
