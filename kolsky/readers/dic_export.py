@@ -168,7 +168,15 @@ def read(
     if len(programs) > 1:
         message = f"and the others are of {sorted(programs)}"
         raise InputError(paths[0], message, cure="export all frames alike")
-    index = _point_index(files)
+    lengths = {len(file.keys) for file in files}
+    if (not files[0].keys or isinstance(files[0].keys[0], int)) and len(lengths) > 1:
+        raise InputError(
+            files[0].path,
+            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that identifies the "
+            "points",
+            cure="export the points' numbers or places in the picture too",
+        )
+    index = {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}
     coordinates = np.full((len(files), len(index), 3), np.nan)
     u, state = coordinates.copy(), np.full(coordinates.shape[:2], int(PointState.MISSING))
     for i, file in enumerate(files):
@@ -256,8 +264,16 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
         return np.stack([sheet.numbers(sheet.column(name), gaps=True) for name in wanted], axis=-1)
 
     def lengths(wanted: tuple[str, ...]) -> FloatArray:
-        headings = [table.names[sheet.column(name)] for name in wanted]
-        return columns(wanted) * [UNITS[_length_unit(path, heading, unit)] for heading in headings]
+        factors = []
+        for heading in (table.names[sheet.column(name)] for name in wanted):
+            stated = _stated_unit(heading)
+            if stated and unit is not None and UNITS[unit] != UNITS[stated]:
+                message = (
+                    f"has the unit '{stated}' in its column '{heading}', and unit = \"{unit}\" is declared"
+                )
+                raise InputError(path, message, cure=f'declare unit = "{stated}", or leave unit out')
+            factors.append(UNITS[stated or unit or "mm"])
+        return columns(wanted) * factors
 
     coordinates, displacements = lengths(chosen.coordinates), lengths(chosen.displacements)
     state = np.full(len(coordinates), int(PointState.VALID))
@@ -273,17 +289,6 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
             message = f"has the point {chosen.key} = {twice} twice"
             raise sheet.error(message, keys.index(twice), "export each point once")
     return _File(path, sha256, chosen.program, keys, coordinates, displacements, state)
-
-
-def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm."""
-    stated = _stated_unit(heading)
-    if not stated:
-        return declared or "mm"
-    if declared is not None and UNITS[declared] != UNITS[stated]:
-        message = f"has the unit '{stated}' in its column '{heading}', and unit = \"{declared}\" is declared"
-        raise InputError(path, message, cure=f'declare unit = "{stated}", or leave unit out')
-    return stated
 
 
 def _stated_unit(heading: str) -> str:
@@ -307,20 +312,6 @@ def _frame_numbers(paths: Sequence[Path]) -> IntArray:
         message = "and the others have no single number that differs from file to file"
         raise InputError(paths[0], message, cure="name them by frame: img_0012.csv")
     return np.array([int(group[place[0]]) for group in groups], dtype=np.int64)
-
-
-def _point_index(files: Sequence[_File]) -> dict[object, int]:
-    """Every point that occurs in a frame -> its index."""
-    by_row = isinstance(files[0].keys[0], int) if files[0].keys else True
-    lengths = {len(file.keys) for file in files}
-    if by_row and len(lengths) > 1:
-        raise InputError(
-            files[0].path,
-            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that identifies the "
-            "points",
-            cure="export the points' numbers or places in the picture too",
-        )
-    return {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}
 
 
 def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:

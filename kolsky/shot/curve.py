@@ -128,6 +128,9 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
     """Check that the curve has one branch and one sign, and runs from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
+    largest, doubt = float(np.abs(strain).max()), "is"
+    if section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN:
+        doubt = f'are they per cent? Then write curve.strain.unit = "%": the largest is {0.01 * largest:.4g}; or is'
     forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
     for bad, values, message, cure in (
         (
@@ -135,7 +138,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
             strain,
             "the strain {value:.6g} is not a strain of an elastomer; it must be in "
             f"(-1, {LARGEST_STRAIN:g}]",
-            _strain_cure(strain, section),
+            doubt + " curve.strain the right column?",
         ),
         (
             branch * strain < 0.0,
@@ -181,14 +184,3 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
             f"has {np.count_nonzero(strain)} points away from rest; it must be at least {SMALLEST_CURVE}",
             cure="export the whole loading ramp",
         )
-
-
-def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """The advice for strains that are too large: per cent if their size fits, otherwise another column."""
-    largest = float(np.abs(strain).max())
-    percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
-    return (
-        f'are they per cent? Then write curve.strain.unit = "%": the largest is {0.01 * largest:.4g}; or is'
-        if percent
-        else "is"
-    ) + " curve.strain the right column?"

@@ -180,8 +180,10 @@ def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatAr
             changes[key] = problem.stack.of_each(_specimen_change(problem, found, base, sigmas, key))
         elif key in ("Z_offset", "y_offset"):
             changes[key] = problem.stack.of_each(_place_change(problem, sigmas, key))
-        elif _held_constant(problem, key):
-            changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
+        elif key in PARAMETERS and key not in problem.unknowns.names:
+            p, faces = PARAMETERS[key], problem.first.interface
+            if p.belongs_to(problem.first) and has_effect(p, (faces.faces, faces.side)):
+                changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
     return changes
 
 
@@ -222,13 +224,6 @@ def _repeated_shift(problem: JointProblem, found: Optimum, change: FloatArray) -
             left = residual + found.slopes @ shift
         ends.append(shift)
     return np.asarray(0.5 * (ends[0] - ends[1]))
-
-
-def _held_constant(problem: JointProblem, key: str) -> bool:
-    if key not in PARAMETERS or key in problem.unknowns.names:
-        return False
-    p, shot = PARAMETERS[key], problem.first
-    return p.belongs_to(shot) and has_effect(p, (shot.interface.faces, shot.interface.side))
 
 
 def _constant_change(
