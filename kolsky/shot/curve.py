@@ -130,7 +130,8 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
     other = "tension" if section.branch == "compression" else "compression"
     largest, doubt = float(np.abs(strain).max()), "is"
     if section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN:
-        doubt = f'are they per cent? Then write curve.strain.unit = "%": the largest is {0.01 * largest:.4g}; or is'
+        doubt = 'are they per cent? Then write curve.strain.unit = "%": '
+        doubt += f"the largest is {0.01 * largest:.4g}; or is"
     forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
     for bad, values, message, cure in (
         (
