@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite, nan
+from math import floor, inf, isfinite, log10, nan
 
 import numpy as np
 
@@ -398,8 +398,7 @@ def _search_beside_leading(
     second = CauseSearch(runner, fine, search.expected, search.use, rest, start=start)
     trials = best_trials(second, rest)
     x = second.at
-    names = problem.box.names
-    parameters = dict(zip(names, x[: len(names)].tolist(), strict=True))
+    parameters = dict(zip(problem.box.names, x[:-1].tolist(), strict=True))
     renewed = replace(findings[0], value=c.value(float(x[-1])), parameters=parameters)
     more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
     return (renewed, *list_pairs(more, findings[1:]))
@@ -500,8 +499,7 @@ def with_suspects(
         and not f.status
         and abs(f.parameters[MOVED] - unchanged[MOVED]) > COVERAGE * sigma
     ]
-    chosen.sort(key=lambda f: f.probability)
-    return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
+    return _named_first(sorted(chosen, key=lambda f: f.probability), causes)
 
 
 def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
@@ -514,6 +512,10 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
     beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
     strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
     chosen = beyond + [f for f in strong if not f.within and not f.status and f not in beyond]
+    return _named_first(chosen, causes)
+
+
+def _named_first(chosen: Sequence[CauseFinding], causes: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
     return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
 
 
@@ -528,20 +530,16 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
         other = f" (equally explained by {' or '.join(finding.alike)})" if finding.alike else ""
-        also, whole = ("", "the misfit")
-        if finding.beside:
-            also, whole = f"beside {finding.beside}, ", "its remaining misfit"
+        check = f"{other}: {checks.get(finding.key, finding.key)}; with it {told}"
         if explained:
             yield (
                 f"the model explains the data, and {sentence(finding)} would fit them significantly "
-                f"better (by chance 1 in {1.0 / max(finding.probability, 1e-99):.0e}){other}: "
-                f"{checks.get(finding.key, finding.key)}; with it {told}"
+                f"better (by chance 1 in {1.0 / max(finding.probability, 1e-99):.0e}){check}"
             )
             continue
-        yield (
-            f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
-            f"{checks.get(finding.key, finding.key)}; with it {told}"
-        )
+        beside = f"beside {finding.beside}, " if finding.beside else ""
+        whole = "its remaining misfit" if finding.beside else "the misfit"
+        yield f"{beside}{sentence(finding)} explains {percent(finding.explained)} of {whole}{check}"
     if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
         yield (
             "no single change of an input explains the misfit (the residual is "
@@ -554,14 +552,12 @@ def sentence(finding: CauseFinding) -> str:
     """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
     factor, unit = SHOWN.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
     half = 2.0 * factor * finding.sigma
-    value = factor * finding.value
-    digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4
-    written = f"{value:.{min(digits, 7)}f}"
-    if isfinite(half) and half > 0.0:
-        written += f" ± {half:.{min(digits, 7)}f}"
-    return f"{finding.words} of {written} {unit}".rstrip() + " (k = 2)"
+    known = isfinite(half) and half > 0.0
+    digits = min(max(0, 1 - floor(log10(half))), 7) if known else 4
+    spread = f" ± {half:.{digits}f}" if known else ""
+    return f"{finding.words} of {factor * finding.value:.{digits}f}{spread} {unit}".rstrip() + " (k = 2)"
 
 
 def percent(share: float) -> str:
     """A share in percent, with enough digits to distinguish it from 100 %."""
-    return f"{100.0 * share:.1f} %" if share > 0.95 else f"{100.0 * share:.0f} %"
+    return f"{100.0 * share:.{int(share > 0.95)}f} %"
