@@ -335,8 +335,8 @@ class Forward:
         fields: Fields = {}
         for name, p in PARAMETERS.items():
             if p.belongs_to(self.shot):
-                value = values.get(name, p.held(self.shot))
-                fields = {**fields, name: value} if p.enters is None else p.enters(fields, value)
+                used = values[name] if name in values else p.held(self.shot)
+                fields = {**fields, name: used} if p.enters is None else p.enters(fields, used)
         fields, relaxing = what_relaxes(fields, self.shot.relaxation)
         samples = explicit.Samples.of(
             **fields,

@@ -299,10 +299,10 @@ def find_dialect(
         dialects = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
     several = [d for d in dialects if d.fields > 1] or dialects
     if delimiter is not None and dialects and dialects[0].fields == 1:
-        every = [
+        pairs = [
             (d.character, sign) for d in DELIMITERS for sign in ".," if d.character not in (*characters, sign)
         ]
-        tried = (_columns(filled, *other) for other in every)
+        tried = (_columns(filled, *other) for other in pairs)
         better = next((one for one in tried if one is not None and one.fields > 1), None)
         if better is not None:
             name = better.facts["delimiter"]
