@@ -371,22 +371,17 @@ def fit_warnings(result: Identification) -> Iterator[str]:
                 f"force and outline give values of {name} that are further apart than {CONTRADICTION:g} "
                 "standard uncertainties of their difference: at least one input, or the model, is wrong"
             )
-    yield from _uninformative_channels(result)
-
-
-def _uninformative_channels(result: Identification) -> Iterator[str]:
-    """Report values to which one channel does not contribute, unless the verdict already states it."""
     for channel in result.fit:
+        other = OTHER_CHANNEL[channel.channel]
         names = [
             name
             for name, e in result.estimates.items()
             if len(result.fit) > 1
             and channel.weight.get(name, 0.5) < ALONE
             and e.outcome not in ALONE_BY.values()
-            and not checked(result, name, OTHER_CHANNEL[channel.channel])
+            and not checked(result, name, other)
         ]
         if names:
-            other = OTHER_CHANNEL[channel.channel]
             shares = ", ".join(f"{100.0 * channel.weight[name]:.2g} %" for name in names)
             yield (
                 f"the {channel.channel} carries {shares} of the information on {', '.join(names)}: the "

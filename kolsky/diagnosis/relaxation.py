@@ -455,20 +455,18 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
     if any(e is None or e.outcome is not Verdict.AT_BOUND for e in rates):
         return choice  # a rate is held, or ends inside its range
     if strong:
-        return replace(
-            choice,
-            asked_for=False,
-            sentence=f"the data do not need relaxation: {rate_of(strong[0].name)} ends at a bound of its "
-            "range, where a branch is equivalent to damping or to a stiffer curve: identify without "
-            f"it, or give another range with --free {rate_of(strong[0].name)}",
+        rate = rate_of(strong[0].name)
+        why = (
+            f"{rate} ends at a bound of its range, where a branch is equivalent to damping or to a stiffer "
+            f"curve: identify without it, or give another range with --free {rate}"
         )
-    most = max(sizes, key=lambda e: e.value / e.sigma)
-    return replace(
-        choice,
-        asked_for=False,
-        sentence=f"the data do not need relaxation: its strength, {most.value:.2g} with a standard "
-        f"uncertainty of {most.sigma:.2g}, mesh included, may be zero: identify without it, or refine",
-    )
+    else:
+        most = max(sizes, key=lambda e: e.value / e.sigma)
+        why = (
+            f"its strength, {most.value:.2g} with a standard uncertainty of {most.sigma:.2g}, mesh "
+            "included, may be zero: identify without it, or refine"
+        )
+    return replace(choice, asked_for=False, sentence=f"the data do not need relaxation: {why}")
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
