@@ -31,7 +31,6 @@ _WORDS = {
 }  # fmt: skip
 _BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
 _PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}
-_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
@@ -254,7 +253,7 @@ def clock_unit(text: str) -> tuple[str, float] | None:
 def _clock_key(text: str) -> tuple[str, str | None]:
     """The bare key of a header line, and the clock's unit at its end: "dt [ms]", "dt/ms", "fs_kHz"."""
     key = text.strip().rstrip(":=").strip()
-    for pattern in (_BRACKETS, _SLASH, _KEY_TAIL):
+    for pattern in (_BRACKETED, _SLASH, _KEY_TAIL):
         match = full_match(pattern, key)
         if match is not None and clock_unit(match.group(2)) is not None:
             return bare_key(match.group(1)), match.group(2)

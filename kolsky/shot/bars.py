@@ -407,7 +407,7 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
         ]
     for key, station in given.stations.items():
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
-        rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
+        rows += _gauge_rows(_shot_file_table(key), station, signal)
     rows += [
         ("waves", "load", given.load, ""),
         ("waves", "arrival at the incident gauge", shot.arrival.time, "s"),
