@@ -560,4 +560,4 @@ def sentence(finding: CauseFinding) -> str:
 
 def percent(share: float) -> str:
     """A share in percent, with enough digits to distinguish it from 100 %."""
-    return f"{100.0 * share:.{int(share > 0.95)}f} %"
+    return f"{100.0 * share:.1f} %" if share > 0.95 else f"{100.0 * share:.0f} %"
