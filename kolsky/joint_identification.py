@@ -122,7 +122,7 @@ def joint_result(
     }
     mesh = joint_mesh_change(problem, found)
     numerical = numerical_parts(mesh, gain)
-    n = unknowns.n_parameters
+    n = len(unknowns.bounds)
     shared: dict[str, Estimate] = {}
     if unknowns.parameters is not None:
         shared = estimates(
@@ -264,10 +264,10 @@ def _free_curve(
     correction: FloatArray,
 ) -> CurveFound:
     """The curve with its k = 2 band; the logarithm of the factors is interpolated between the nodes."""
-    n = problem.unknowns.n_parameters
+    n = len(problem.unknowns.bounds)
     logs = (found.x + correction)[n:]
     sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
-    whitening = problem.whitening(found.vector - problem.stack.data)
+    whitening = problem.stack.weighting(found.vector - problem.stack.data)
     rows = whitening.apply(found.slopes.T)
     normal, known = rows @ rows.T, found.slopes[-problem.stack.known :]
     prior = np.diag(known.T @ known)[n:]
@@ -410,7 +410,7 @@ def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, wit
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
         return found
-    rows = elastic.whitening(without.vector - elastic.stack.data).apply(without.slopes.T)
+    rows = elastic.stack.weighting(without.vector - elastic.stack.data).apply(without.slopes.T)
     sigma = 0.1 * problem.unknowns.widths
     shared = [problem.unknowns.names.index(name) for name in elastic.unknowns.names]
     sigma[shared] = np.sqrt(np.diag(np.linalg.inv(information(rows, elastic.unknowns.widths))))
@@ -426,7 +426,7 @@ def _search_again(problem: JointProblem, x: FloatArray) -> tuple[FloatArray, Flo
 
 def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
     """Distance of a point on the search mesh from the start of an optimum, in standard deviations."""
-    rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
+    rows = problem.stack.weighting(found.vector - problem.stack.data).apply(found.slopes.T)
     away = x - found.start
     return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
 

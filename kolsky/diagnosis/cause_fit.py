@@ -3,8 +3,7 @@
 No simulations are made.
 
 The results are value, uncertainty, significance and evidence of a change. The covariance of the expected
-residual is the sum of a diagonal matrix and patterns. Woodbury's identity inverts it. The full matrix is
-never formed.
+residual is the sum of a diagonal matrix and patterns. Woodbury's identity inverts it.
 """
 
 from collections.abc import Sequence

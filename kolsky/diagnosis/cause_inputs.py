@@ -1,7 +1,6 @@
 """Effect of a changed input on a run, limits of the change, and the corrected shot.
 
-If a flyer's record is late by L, every prediction is late by L. No further run is needed. Scales and offsets
-of measurements need no run either.
+If a flyer's record is late by L, every prediction is late by L. No run is needed, as for scales and offsets.
 """
 
 from __future__ import annotations

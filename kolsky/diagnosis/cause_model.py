@@ -47,8 +47,7 @@ class CauseModel:
 
     ``x``, ``refined``: point of that run, shape [d], and the run, a batch of one. ``first``: an input that is
     free in addition to the parameters, or None; its coordinate is the last entry of every x. ``numerics``:
-    another mesh than the surrogate's. Raises ValueError if the run at `x` does not complete on the
-    surrogate's mesh.
+    another mesh than the surrogate's. Raises ValueError if the run at `x` fails on its mesh.
     """
 
     def __init__(
@@ -241,13 +240,9 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
     patterns = np.column_stack([common, _flyer_noise(model, numerics), *shared])
     times = np.concatenate([o.force_times, o.centre_line.time])
     width = float(np.diff(o.bins.edges).mean())
-    return ExpectedResidual(
-        sigma=sigma,
-        patterns=patterns,
-        channel=(np.arange(len(times)) >= n).astype(np.int64),
-        block=((times - times.min()) / width).astype(np.int64),
-        tau=np.zeros(2),
-    )
+    channel = (np.arange(len(times)) >= n).astype(np.int64)
+    block = ((times - times.min()) / width).astype(np.int64)
+    return ExpectedResidual(sigma=sigma, patterns=patterns, channel=channel, block=block, tau=np.zeros(2))
 
 
 def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:

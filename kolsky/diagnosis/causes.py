@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite, nan
+from math import floor, inf, isfinite, log10, nan
 
 import numpy as np
 
@@ -39,13 +39,11 @@ from kolsky.shot.input_records import SHOWN, UNCHANGED, Cause, Change
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, FRAME_RATE, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
-"""A change is significant if its probability is below this. The probability is adjusted for all inputs
-tried."""
+"""A change is significant if its probability, adjusted for all inputs tried, is below this."""
 EVIDENCE = 100.0
 """Smallest evidence of a cause that is reported; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
-"""Inputs cannot be distinguished if their losses differ by less than this: likelihoods within a factor of
-exp(5)."""
+"""Inputs with a smaller difference of their losses are alike: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
@@ -86,19 +84,18 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
         groups = [row[0] for row in (*likely, *rest) if not row[0].lost]
     else:
         groups = [row[0] for row in likely]
-    return tuple(
-        _finding(search, *row, alike=_indistinguishable(search, row[0], groups) if row[-1] else ())
-        for row in (*likely, *rest)
-    )
+    found = []
+    for row in (*likely, *rest):
+        loss = search.loss(row[0].misfits)
+        near = [t for t in groups if t is not row[0] and abs(search.loss(t.misfits) - loss) <= ALIKE]
+        found.append(_finding(search, *row, alike=tuple(t.candidate.key for t in near if row[-1])))
+    return tuple(found)
 
 
 def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
-    """True if the leading input after a refuted one belongs to its pair and is separately significant.
-
-    This is a closed test. Evidence and share of the first input, which those of the pair exceed, refute that
-    both values are correct. The probability of this value with the first input free refutes that it is
-    correct, if the likelihoods can be distinguished.
-    """
+    """True if the leading input after a refuted one is of its pair and significant by itself."""
+    # Evidence and share of the first input refute that both values are correct, the probability of this
+    # value with the first input free that this one is.
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
     return pair and not t.lost and gain > ALIKE and probability < LEVEL
@@ -153,11 +150,9 @@ def _unusual(search: CauseSearch, t: Trial) -> float:
 
 
 MISTAKE = 2.0
-"""A usual mistake (a factor of two, another definition) counts as this many standard uncertainties. Its
-probability is one input in twenty."""
+"""Size of a usual mistake (a factor of two, another definition) in standard uncertainties: 1 input in 20."""
 NEAR = 0.05
-"""A value within this share of a mistake's size counts as this mistake. Errors of other inputs cause the
-difference."""
+"""A value within this share of a mistake's size, by errors of other inputs, counts as this mistake."""
 
 
 def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
@@ -174,14 +169,6 @@ def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: fl
         if abs(value - mistake) <= reach:
             away = min(away, MISTAKE)
     return away
-
-
-def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:
-    return tuple(
-        t.candidate.key
-        for t in likely
-        if t is not one and abs(search.loss(t.misfits) - search.loss(one.misfits)) <= ALIKE
-    )
 
 
 def _chance(search: CauseSearch, t: Trial) -> float:
@@ -388,11 +375,7 @@ CONTENDERS = 4
 
 
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
-    """Strong inputs within `KEPT` of the largest evidence, whose order the mesh error could change.
-
-    With a changed input, the correction by the run at the answer is less accurate. Far beyond the bound of
-    the stiffness, and for a stretched run, the meshes have another phase difference.
-    """
+    """Strong inputs near the largest evidence, or far in phase, whose order the mesh error could change."""
     strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
     strong.sort(key=lambda one: judge.loss(one.seen.misfits))
     most = max((judge.gain(one.seen.misfits) for one in strong), default=0.0)
@@ -441,12 +424,8 @@ def _search_beside_leading(
     second = CauseSearch(runner, fine, search.expected, search.use, rest, start=start)
     trials = best_trials(second, rest)
     x = second.at
-    names = problem.box.names
-    renewed = replace(
-        findings[0],
-        value=c.value(float(x[-1])),
-        parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
-    )
+    parameters = dict(zip(problem.box.names, x[:-1].tolist(), strict=True))
+    renewed = replace(findings[0], value=c.value(float(x[-1])), parameters=parameters)
     more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
     return (renewed, *list_pairs(more, findings[1:]))
 
@@ -473,11 +452,9 @@ def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: 
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
     followed = search.followed([*starts, *_same_force_starts(search, starts)])
     followed += _stretched_runs(search, candidates)
-    best = {t.candidate.key: t for t in tangents}
-    for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
-        if search.gain(t.misfits) > 0.0:  # otherwise the linear step is better
-            best[t.candidate.key] = t
-    return list(best.values())
+    better = [t for t in followed if search.gain(t.misfits) > 0.0]  # otherwise the linear step is better
+    better.sort(key=lambda t: -search.loss(t.misfits))
+    return list({t.candidate.key: t for t in (*tangents, *better)}.values())
 
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
@@ -536,8 +513,7 @@ def with_likely(analysis: CauseAnalysis, m: Estimate, *, at_bound: bool) -> tupl
 
 
 SURE = 1e-6
-"""If the data show no misfit, a change counts only below this probability. It is adjusted for all inputs
-tried."""
+"""If the data show no misfit, a change counts only below this probability, adjusted for all inputs tried."""
 
 
 def with_suspects(
@@ -560,8 +536,7 @@ def with_suspects(
         and not f.status
         and abs(f.parameters[MOVED] - unchanged[MOVED]) > COVERAGE * sigma
     ]
-    chosen.sort(key=lambda f: f.probability)
-    return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
+    return _named_first(sorted(chosen, key=lambda f: f.probability), causes)
 
 
 def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
@@ -574,6 +549,10 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
     beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
     strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
     chosen = beyond + [f for f in strong if not f.within and not f.status and f not in beyond]
+    return _named_first(chosen, causes)
+
+
+def _named_first(chosen: Sequence[CauseFinding], causes: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
     return (*(replace(f, named=True) for f in chosen), *(f for f in causes if f not in chosen))
 
 
@@ -588,20 +567,16 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
         other = f" (equally explained by {' or '.join(finding.alike)})" if finding.alike else ""
-        also, whole = ("", "the misfit")
-        if finding.beside:
-            also, whole = f"beside {finding.beside}, ", "its remaining misfit"
+        check = f"{other}: {checks.get(finding.key, finding.key)}; with it {told}"
         if explained:
             yield (
                 f"the model explains the data, and {sentence(finding)} would fit them significantly "
-                f"better (by chance 1 in {1.0 / max(finding.probability, 1e-99):.0e}){other}: "
-                f"{checks.get(finding.key, finding.key)}; with it {told}"
+                f"better (by chance 1 in {1.0 / max(finding.probability, 1e-99):.0e}){check}"
             )
             continue
-        yield (
-            f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
-            f"{checks.get(finding.key, finding.key)}; with it {told}"
-        )
+        beside = f"beside {finding.beside}, " if finding.beside else ""
+        whole = "its remaining misfit" if finding.beside else "the misfit"
+        yield f"{beside}{sentence(finding)} explains {percent(finding.explained)} of {whole}{check}"
     little = all(f.explained < LEAST_SHARE and f.key != CURVE_SCALE for f in analysis.named)
     if not explained and little and (analysis.misfits > UNEXPLAINED).any():
         yield (
@@ -615,12 +590,10 @@ def sentence(finding: CauseFinding) -> str:
     """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
     factor, unit = SHOWN.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
     half = 2.0 * factor * finding.sigma
-    value = factor * finding.value
-    digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4
-    written = f"{value:.{min(digits, 7)}f}"
-    if isfinite(half) and half > 0.0:
-        written += f" ± {half:.{min(digits, 7)}f}"
-    return f"{finding.words} of {written} {unit}".rstrip() + " (k = 2)"
+    known = isfinite(half) and half > 0.0
+    digits = min(max(0, 1 - floor(log10(half))), 7) if known else 4
+    spread = f" ± {half:.{digits}f}" if known else ""
+    return f"{finding.words} of {factor * finding.value:.{digits}f}{spread} {unit}".rstrip() + " (k = 2)"
 
 
 def percent(share: float) -> str:

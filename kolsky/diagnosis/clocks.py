@@ -35,8 +35,7 @@ ROUNDS = 15
 LAG_STAYS = 1e-8
 """A lag has converged if it changes by less than this [s]. It is a fiftieth of what the data resolve."""
 AT_REST = 1e-2
-"""Free parameters have converged if they change by less than this, in standard deviations: 1e-4 in -2 ln
-L."""
+"""Change of the free parameters at convergence, in standard deviations: 1e-4 in -2 ln L."""
 
 Shifted = Callable[[FloatArray], FloatArray]
 """Predicted data vector, shape [k], of a force and an outline with late records, or its slopes by the free
@@ -83,8 +82,7 @@ def fit_lag(
     """Fit one lag together with the free parameters."""
     way, h = np.array(direction), STEP
     d = slopes(0.0 * way).shape[1]
-    if before is None:
-        before = without_lag(objective, shifted, slopes)
+    before = without_lag(objective, shifted, slopes) if before is None else before
     plain = _without_slow_error(objective)
     lag = first_lag(objective, shifted, slopes, direction)
     move, settled = np.zeros(d), False
@@ -270,8 +268,7 @@ def clock_lags(
 
     ``shot``: for the names of files and keys. ``response``: the run at the optimum. ``objective``: with its
     discrepancies. ``jacobian``: of the data vector by the free parameters, shape [k, d]. ``changes``: as for
-    `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range;
-    without it, such lags are not refined.
+    `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range.
     """
     shifted = late_prediction(response, objective)
     recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
@@ -355,15 +352,13 @@ def follow(
 def origin(shot: Shot, recording: str) -> tuple[str, str]:
     """File with a recording's times, and the key of shot.toml that corrects its clock."""
     content = {} if shot.file is None else shot.file.content
-
-    def file(table: str) -> str:
-        section = content.get(table)
-        return str(section.get("file", "shot.toml")) if isinstance(section, dict) else "shot.toml"
-
-    if recording == FORCE:
-        return (file("force"), "force.clock_offset") if "force" in content else ("shot.toml", "recorders")
-    if "frames" in content and recording == FLYER:
-        return file("flyer"), "flyer.frame"
-    if "frames" in content:
-        return file("centre_line"), "centre_line.frame"
-    return "shot.toml", "pictures"
+    key, other = {
+        FORCE: ("force.clock_offset", "recorders"),
+        FLYER: ("flyer.frame", "pictures"),
+        OUTLINE: ("centre_line.frame", "pictures"),
+    }[recording]
+    table = key.partition(".")[0]
+    if ("force" if recording == FORCE else "frames") not in content:
+        return "shot.toml", other
+    section = content.get(table)
+    return str(section.get("file", "shot.toml")) if isinstance(section, dict) else "shot.toml", key

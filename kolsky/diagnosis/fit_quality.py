@@ -69,11 +69,9 @@ SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
 ALONE = 0.1
 """A channel does not determine the value of a parameter if its share of the information is below this."""
 CHECKS = 2.0
-"""Such a channel still confirms the value if its separate uncertainty is at most this many times the
-answer's."""
+"""Such a channel still confirms the value with at most this many times the answer's uncertainty."""
 CONTRADICTION = 4.0
-"""Force and outline contradict each other if they differ by more than this many standard uncertainties of
-their difference."""
+"""Force and outline contradict each other beyond this many standard uncertainties of their difference."""
 UNEXPLAINED = 2.5
 """Misfit of a channel above which large changes of inputs are tried. 1 is the residual of a correct model.
 Below this value, a linear step is enough."""
@@ -181,9 +179,7 @@ def residual_quality(
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
-    """A change minus the part that the parameters absorb, ``c - J G c``; entries that are not finite count as
-    0.
-    """
+    """A change minus the part that the parameters absorb, ``c - J G c``; entries not finite count as 0."""
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
 
@@ -195,8 +191,7 @@ def information_shares(
 
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
     covariance C; for independent data, the term is ``(g_ik sigma_k)^2``. The shares sum to one. Data that
-    only remove a common error from others have a negative share. A parameter without effect on the data has
-    NaN.
+    only remove a common error from others have a negative share. NaN: without effect.
     """
     parts = gain * spread
     total = parts.sum(axis=1)
@@ -225,8 +220,7 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
 def blocks(objective: Objective, channel: str) -> IntArray:
     """Number of the block of each entry of a channel, counted from 0 without gaps, shape [n].
 
-    Blocks have equal time spans. In each, the lowest, middle and highest third of every frame's points are
-    separate blocks.
+    Blocks have equal time spans. The lowest, middle and highest third of a frame's points are apart.
     """
     times = objective.times[_mask(objective, channel)]
     span = max(float(np.ptp(times)), np.finfo(float).tiny)
@@ -339,11 +333,6 @@ def reaches_bound(result: Identification, e: Estimate) -> bool:
     return low < result.design.lower[i] or high > result.design.upper[i]
 
 
-def explained(result: Identification) -> bool:
-    """True if the model explains every channel, and if limits were set."""
-    return explains(result.fit)
-
-
 def explains(fit: Sequence[FitQuality]) -> bool:
     """True if every channel is explained within limits that were set."""
     return bool(fit) and all(f.explained and f.limit < inf for f in fit)
@@ -382,22 +371,17 @@ def fit_warnings(result: Identification) -> Iterator[str]:
                 f"force and outline give values of {name} that are further apart than {CONTRADICTION:g} "
                 "standard uncertainties of their difference: at least one input, or the model, is wrong"
             )
-    yield from _uninformative_channels(result)
-
-
-def _uninformative_channels(result: Identification) -> Iterator[str]:
-    """Report values to which one channel does not contribute, unless the verdict already states it."""
     for channel in result.fit:
+        other = OTHER_CHANNEL[channel.channel]
         names = [
             name
             for name, e in result.estimates.items()
             if len(result.fit) > 1
             and channel.weight.get(name, 0.5) < ALONE
             and e.outcome not in ALONE_BY.values()
-            and not checked(result, name, OTHER_CHANNEL[channel.channel])
+            and not checked(result, name, other)
         ]
         if names:
-            other = OTHER_CHANNEL[channel.channel]
             shares = ", ".join(f"{100.0 * channel.weight[name]:.2g} %" for name in names)
             yield (
                 f"the {channel.channel} carries {shares} of the information on {', '.join(names)}: the "

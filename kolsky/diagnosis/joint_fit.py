@@ -2,8 +2,7 @@
 
 Each residual is compared with that expected of a correct model, as for a single shot
 (`kolsky.diagnosis.fit_quality`). The expected residual contains noise, inputs, mesh and declared
-uncertainties, after the shared unknowns are refitted. The deviation of a shot by the scatter is removed
-first.
+uncertainties, after the shared unknowns are refitted. A shot's deviation by the scatter is removed.
 
 The agreement of the shots is tested with the stiffness estimated from each shot separately. This test is
 linear about the joint optimum. Let r be the residual, prediction minus data, of one shot. Let u be the change
@@ -21,8 +20,7 @@ scales is in error by e, Q has a noncentral chi-square distribution with the par
     lambda = e^2 / (v_k + 1 / sum_(j != k) 1 / v_j).
 
 The likelihood shows which input of which shot explains a misfit. One change p of one shot's data has a free
-amplitude c in addition to the shared unknowns. The model is linear, and the discrepancies are estimated
-again:
+amplitude c in addition to the shared unknowns. Discrepancies are estimated again:
 
     Delta = min_x (-2 ln L) - min_x,c (-2 ln L with r + c p).
 """
@@ -60,8 +58,7 @@ from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
 
 SLOW_TEST_LIMIT = 3.0
-"""Largest residual of a slow test, divided by that of a correct model [-]. It is the limit of the force's
-bins."""
+"""Largest residual of a slow test over that of a correct model [-], as for the force's bins."""
 UNLIKELY = 2.7e-3
 """The shots disagree if the probability of their differences is below this. It is that of three standard
 deviations, divided among the `TESTS`."""
@@ -366,8 +363,7 @@ def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> 
 def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
     """Explained share of a channel's squared residual; the larger one of force and outline [-].
 
-    A specimen of another stiffness rings at another frequency, which a linear change cannot explain in the
-    force, but in the outline.
+    Another stiffness rings at another frequency; a linear change explains it in the outline only.
     """
     n = one.objective.n_force
     channels = [slice(0, n), slice(n, None)][: 1 + (len(before) > n)]
@@ -424,8 +420,7 @@ def explained_by(
 
     The discrepancies are what the errors do not explain of it. ``residual``: prediction minus data, [k].
     ``patterns``, ``errors``: changes of the prediction, and further errors of one standard deviation, one per
-    row. Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual,
-    [k].
+    row. Returns: amplitude and sigma of the last one, -2 ln L, and the remaining residual, [k].
     """
 
     def weighting(left: FloatArray) -> Whitening:

@@ -13,7 +13,7 @@ from kolsky.diagnosis.causes import (
     stiffness_at_bound,
     with_likely,
 )
-from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
+from kolsky.diagnosis.fit_quality import explains, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
 from kolsky.inverse.incompressible import limit_warning, poisson_limit
 from kolsky.inverse.parameters import MOVED
@@ -40,9 +40,10 @@ def judged(
         listed = with_likely(causes, result.estimates[MOVED], at_bound=at_bound)
         causes = replace(causes, findings=listed)
         result = replace(result, causes=listed)
-    of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained(result))]
+    explained = explains(result.fit)
+    of_fit = [*fit_warnings(result), *cause_warnings(causes, explained=explained)]
     leading = max((cause.explained for cause in causes.named), default=0.0)
-    if not explained(result) and leading < WHOLE:
+    if not explained and leading < WHOLE:
         vector = fine.objective.vectors(fine.check.prediction)[0]
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
         # A strong branch is beyond the linear test and must be searched. It must explain more than a likely

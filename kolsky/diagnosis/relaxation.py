@@ -16,6 +16,7 @@ from doe import Box
 from doe.least_squares import least_squares
 from kolsky.base.apparatus import Relaxation, prony_names
 from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.inverse.forward import Forward
 from kolsky.inverse.joint_problem import JointProblem, Stack
 from kolsky.inverse.joint_result import LEAST_STRENGTH, ModelChoice, is_strength, rate_of
 from kolsky.inverse.joint_search import Optimum, relaxing_points, second_levels
@@ -141,21 +142,27 @@ class BranchFit:
         return self.inside and self.aic < 0.0 and self.share >= HALF
 
 
+def _relaxing(runner: Runner, branch: dict[str, float]) -> Forward | None:
+    """The elastic shot with a branch; None if it declares its relaxation or a correction for nu."""
+    forward = runner.forward
+    if forward.shot.relaxation is not None or runner.problem.numerics.compressible is not None:
+        return None
+    return replace(forward, shot=replace(forward.shot, relaxation=Relaxation("prony", branch)))
+
+
 def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
     """Search for a branch from an elastic optimum, with all free parameters refitted.
 
     Some 200 runs are added on the surrogate's mesh. ``x``, ``objective``: the optimum, [d], and its
     objective. None if the shot declares a relaxation, or if too few runs complete.
     """
-    forward, numerics = runner.forward, runner.problem.numerics
-    if forward.shot.relaxation is not None or numerics.compressible is not None:
+    whole, numerics = runner.problem.box, runner.problem.numerics
+    first, last = runner.problem.shot.window
+    relaxing = _relaxing(runner, {STRENGTH: 0.0, TIME: last - first})
+    if relaxing is None:
         return None
-    first, last = forward.shot.window
-    ranges = zip(runner.problem.box.names, runner.problem.box.lower, runner.problem.box.upper, strict=True)
-    bounds = {name: (low, high) for name, low, high in ranges}
+    bounds = dict(zip(whole.names, zip(whole.lower, whole.upper, strict=True), strict=True))
     box = design_box({**bounds, STRENGTH: None, TIME: (SHORTEST, last - first)})
-    series = Relaxation("prony", {STRENGTH: 0.0, TIME: last - first})
-    relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
     prior, d, k = runner.problem.prior, len(x), len(objective.data)
     known = 0 if prior is None else len(prior.rows())
 
@@ -201,13 +208,10 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
     )[0]
     point = from_search(box, best.x)
     found = run(point[None])[0]
-    return BranchFit(
-        strength=float(point[-2]),
-        time=float(point[-1]),
-        aic=deviance(found) - float(costs[0]) + 4.0,
-        share=explained_share(objective, vectors[0, :k], found[:k]),
-        inside=not {STRENGTH, TIME} & set(best.at_bound),
-    )
+    aic = deviance(found) - float(costs[0]) + 4.0
+    share = explained_share(objective, vectors[0, :k], found[:k])
+    inside = not {STRENGTH, TIME} & set(best.at_bound)
+    return BranchFit(strength=float(point[-2]), time=float(point[-1]), aic=aic, share=share, inside=inside)
 
 
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
@@ -260,13 +264,11 @@ def shot_branch_test(
     discrepancies. ``slopes``, ``vector``: Jacobian, [k, d], and data on the refined mesh there, [k]. None if
     the shot declares the relaxation, or if a run does not complete.
     """
-    forward, numerics = runner.forward, runner.problem.numerics
-    if forward.shot.relaxation is not None or numerics.compressible is not None:
-        return None
-    first, last = forward.shot.window
+    numerics, (first, last) = runner.problem.numerics, runner.problem.shot.window
     times = np.geomspace(SHORTEST, last - first, TESTED_TIMES)
-    series = Relaxation("prony", {STRENGTH: WEAK_STRENGTH, TIME: float(times[0])})
-    relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
+    relaxing = _relaxing(runner, {STRENGTH: WEAK_STRENGTH, TIME: float(times[0])})
+    if relaxing is None:
+        return None
     point = runner.at(x, numerics.mesh)
     columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
     # The first run has no branch but uses the same kernel. The runs therefore differ only in the branch.
@@ -284,13 +286,10 @@ def shot_branch_test(
     residual = np.nan_to_num(objective.data - vector)
     block, whitened = objective.block, objective.whitened
     try:
+        blocks = [block // length for length in BLOCKS]
+        seed = runner.problem.settings.seed
         return branch_test(
-            whitened(residual),
-            whitened(slopes.T).T,
-            whitened(directions),
-            times,
-            blocks=[block // length for length in BLOCKS],
-            seed=runner.problem.settings.seed,
+            whitened(residual), whitened(slopes.T).T, whitened(directions), times, blocks=blocks, seed=seed
         )
     except ValueError:  # the free parameters absorb the effect of every branch
         return None
@@ -310,8 +309,7 @@ def rate_advice(
     """Advice if a branch would explain the misfit of an elastic material; empty if chance explains it.
 
     ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, if that test is
-    not significant. ``least``: share of the misfit that a likely input explains; the branch must explain
-    more.
+    not significant. ``least``: the share of a likely input, to be exceeded.
     """
     if test is not None and test.significant:
         chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
@@ -331,14 +329,8 @@ def rate_advice(
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
     """The numbers on which the advice is based. ``test``, ``fit``: as for `rate_advice`."""
     found = {} if test is None else {"branch_probability": test.probability}
-    if fit is not None:
-        found |= {
-            "branch_strength": fit.strength,
-            "branch_time": fit.time,
-            "branch_share": fit.share,
-            "branch_aic": fit.aic,
-        }
-    return found
+    keys = () if fit is None else ("strength", "time", "share", "aic")
+    return found | {f"branch_{key}": getattr(fit, key) for key in keys}
 
 
 WEAK_START = 0.05
@@ -347,11 +339,9 @@ WEAK_START = 0.05
 
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
     """The elastic optimum as a point with zero strength; None if the bounds of the strengths exclude zero."""
-    box = problem.unknowns.box
-    bounds = zip(problem.unknowns.names, box.lower, strict=True)
-    if any(low > 0.0 for name, low in bounds if is_strength(name)):
-        return None
-    if not any(is_strength(name) for name in problem.unknowns.names):
+    bounds = zip(problem.unknowns.names, problem.unknowns.box.lower, strict=True)
+    lowest = [low for name, low in bounds if is_strength(name)]
+    if not lowest or max(lowest) > 0.0:
         return None
     x = weak_branch(problem, elastic, without.x, strength=0.0)
     vector = problem.vector_for(problem.stack, x, problem.refined, problem.known(x))
@@ -443,17 +433,11 @@ def choose_model(
     )
 
 
-def _inside_range(e: Estimate | None) -> bool:
-    """True if a parameter is held, or ends inside its range."""
-    return e is None or e.outcome is not Verdict.AT_BOUND
-
-
 def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
     """Points with a branch of given strength, shape [n, d]. The bulk modulus is kept if possible."""
     found = points.copy()
     if VALLEY in names:
-        i = names.index(VALLEY)
-        found[:, i] = same_bulk(points[:, i], 1.0 + strength)
+        found[:, names.index(VALLEY)] = same_bulk(points[:, names.index(VALLEY)], 1.0 + strength)
     return found
 
 
@@ -467,23 +451,22 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
     if not choice.asked_for or not sizes:
         return choice
     strong = [e for e in sizes if e.value > LEAST_STRENGTH * e.sigma]
-    if any(_inside_range(shared.get(rate_of(e.name))) for e in strong):
-        return choice
+    rates = [shared.get(rate_of(e.name)) for e in strong]
+    if any(e is None or e.outcome is not Verdict.AT_BOUND for e in rates):
+        return choice  # a rate is held, or ends inside its range
     if strong:
-        return replace(
-            choice,
-            asked_for=False,
-            sentence=f"the data do not need relaxation: {rate_of(strong[0].name)} ends at a bound of its "
-            "range, where a branch is equivalent to damping or to a stiffer curve: identify without "
-            f"it, or give another range with --free {rate_of(strong[0].name)}",
+        rate = rate_of(strong[0].name)
+        why = (
+            f"{rate} ends at a bound of its range, where a branch is equivalent to damping or to a stiffer "
+            f"curve: identify without it, or give another range with --free {rate}"
         )
-    most = max(sizes, key=lambda e: e.value / e.sigma)
-    return replace(
-        choice,
-        asked_for=False,
-        sentence=f"the data do not need relaxation: its strength, {most.value:.2g} with a standard "
-        f"uncertainty of {most.sigma:.2g}, mesh included, may be zero: identify without it, or refine",
-    )
+    else:
+        most = max(sizes, key=lambda e: e.value / e.sigma)
+        why = (
+            f"its strength, {most.value:.2g} with a standard uncertainty of {most.sigma:.2g}, mesh "
+            "included, may be zero: identify without it, or refine"
+        )
+    return replace(choice, asked_for=False, sentence=f"the data do not need relaxation: {why}")
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:

@@ -62,11 +62,9 @@ def search(
 
 
 STARTS = 3
-"""Number of values along each edge of the box from which the best one is the start, because the model may
-have several minima; for one parameter its cube."""
+"""Number of start values along each edge of the box, against several minima; for one parameter its cube."""
 REST = 1e-6
-"""The search ends if it expects a smaller decrease of chi-square. The optimum is then a thousandth of a
-standard deviation away."""
+"""The search ends if it expects a smaller decrease of chi-square: a thousandth of a standard deviation."""
 
 
 def _by_least_squares(
@@ -174,11 +172,16 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
 
 
 def search_coarse(runner: Runner) -> CoarseOptimum:
-    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted to the
-    runs.
-    """
+    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted."""
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
-    return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
+    if runner.problem.box.dimension == 1:
+        return second_design(runner, wide)
+    # batches of runs about the optimum until it converges
+    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
+    try:
+        return _refined_surrogate(runner, _refine(runner, objective))
+    except SurrogateError as error:
+        raise no_surrogate(error, wide) from error
 
 
 def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
@@ -207,16 +210,6 @@ def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surr
     except SurrogateError as error:
         raise no_surrogate(error, runs) from error
     return objective, surrogate
-
-
-def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
-    """Batches of runs about the optimum until it converges."""
-    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
-    try:
-        found = _refine(runner, objective)
-    except SurrogateError as error:
-        raise no_surrogate(error, wide) from error
-    return _refined_surrogate(runner, found)
 
 
 def _refine(runner: Runner, objective: Objective) -> Refinement:
@@ -267,8 +260,7 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
 def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
     """Compare the shift of the optimum by the surrogate's error with its limit, a share of the interval.
 
-    ``gain``: linear map from a change of the data vector to the shift of the optimum over its half width,
-    shape [d, k].
+    ``gain``: linear map from a change of the data to the shift of the optimum over its half width, [d, k].
     """
     points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)

@@ -55,8 +55,7 @@ def estimates(
 
     A value is on a plateau if the roughness of the response shifts it by more than all noise. If a parameter
     lies at a bound, the data prefer a value beyond it, and the other values hold only if the bound is right.
-    Such a parameter, and one that the data do not constrain, is not corrected for the mesh. A correction ends
-    at the bound.
+    Such a parameter, and one that the data do not constrain, is not corrected for the mesh.
 
     ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``,
     ``numerical``: standard uncertainties by source, shape [d] each; they add in quadrature. ``mesh_shift``:
@@ -118,11 +117,9 @@ class RouteOptimum:
 
 
 def search_routes(local: Box, objective: Objective, model: Model) -> tuple[RouteOptimum, ...]:
-    """The optima of the joint data, of the force and of the outline; only that of the force without an
-    outline.
+    """The optima of the joint data, of the force and of the outline; without an outline that of the force.
 
-    ``local``, ``objective``, ``model``: the last design's box, the joint objective and the corrected
-    surrogate.
+    ``local``, ``objective``, ``model``: the last design's box, joint objective and corrected surrogate.
     """
     found = []
     for label, part in ROUTES if objective.observations.has_shape else ROUTES[1:2]:
@@ -209,29 +206,24 @@ def surrogate_quality(
     lost: int = 0,
 ) -> dict[str, float]:
     """The figures of `Identification.surrogate`; `lost`: number of failed mesh-error runs."""
-    n = fine.objective.n_force
-    left_out = coarse.surrogate.loo_residuals
-    found = {"loo_force": _rms(left_out[:, :n])}
-    outline = runner.problem.observations.has_shape
-    if outline:
-        found["loo_shape"] = _rms(left_out[:, n:])
-    if fine.front.moved is not None:
-        found["front_moved"] = rms_amplitude(fine.front.moved.amplitudes)
-    if np.isfinite(valley_margin):
-        found["valley_margin"] = valley_margin
-    found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
-    if outline:
-        found["check_shape"] = _rms(fine.missed[n:])
-    found["counted_points"] = float(fine.objective.counted.sum())
-    found["force_discrepancy"] = fine.objective.force_discrepancy
-    if outline:
-        found["shape_discrepancy"] = fine.objective.shape_discrepancy
-        found["slow_discrepancy"] = fine.objective.slow_discrepancy
-    if not fine.confirmed:
-        found["runs_needed"] = runs_needed(runner, coarse, fine)
-    if lost:
-        found["lost_mesh_runs"] = float(lost)
-    return found
+    o, moved, left_out = fine.objective, fine.front.moved, coarse.surrogate.loo_residuals
+    n, outline = o.n_force, runner.problem.observations.has_shape
+    found = {
+        "loo_force": _rms(left_out[:, :n]),
+        "loo_shape": _rms(left_out[:, n:]) if outline else None,
+        "front_moved": None if moved is None else rms_amplitude(moved.amplitudes),
+        "valley_margin": valley_margin if np.isfinite(valley_margin) else None,
+        "check_shift_sigmas": fine.moved,
+        "check_force": _rms(fine.missed[:n]),
+        "check_shape": _rms(fine.missed[n:]) if outline else None,
+        "counted_points": float(o.counted.sum()),
+        "force_discrepancy": o.force_discrepancy,
+        "shape_discrepancy": o.shape_discrepancy if outline else None,
+        "slow_discrepancy": o.slow_discrepancy if outline else None,
+        "runs_needed": None if fine.confirmed else runs_needed(runner, coarse, fine),
+        "lost_mesh_runs": float(lost) if lost else None,
+    }
+    return {key: value for key, value in found.items() if value is not None}
 
 
 def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:

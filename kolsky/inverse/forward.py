@@ -56,16 +56,13 @@ def at_transducer(shot: ShotBase, response: Response) -> Response:
             [section_force(times, row, delay=delay, round_trip=bar.round_trip) for row in history]
         )
 
-    return replace(
-        response,
-        force_transmission=seen(response.force_transmission),
-        impulse_transmission=seen(response.impulse_transmission),
-    )
+    force_transmission = seen(response.force_transmission)
+    impulse_transmission = seen(response.impulse_transmission)
+    return replace(response, force_transmission=force_transmission, impulse_transmission=impulse_transmission)
 
 
 AGREED = 1e-3
-"""Convergence limit of specimen and parts [-]: root mean square change of the forces between two passes,
-divided by the root mean square of the forces."""
+"""Convergence limit [-]: rms change of the forces of specimen and parts between two passes over their rms."""
 MOST_PASSES = 8
 """Maximum number of passes."""
 
@@ -106,7 +103,16 @@ def with_moved_faces(
     if shot.behind is not None:
         parts = _pulse(shot, shot.behind, times)
         paths = -parts.histories(_impulses_at(response.impulse_transmission, response, times), "path")
-        model = replace(model, support=MovingSupport(tuple(_tabled_motion(times, row) for row in paths)))
+        moved = [
+            explicit.PlatenMotion(
+                start=float(times[0]),
+                step=float(times[1] - times[0]),
+                position=row - row[0],
+                velocity=CubicSpline(times, row)(times, 1),
+            )
+            for row in paths
+        ]
+        model = replace(model, support=MovingSupport(tuple(moved)))
     if shot.flyer_body is not None:
         parts = _pulse(shot, shot.flyer_body, times)
         impulse = _impulses_at(response.impulse_flyer, response, times)
@@ -142,7 +148,9 @@ def as_recorded(shot: ShotBase, problem: explicit.Problem, response: explicit.Re
         response = replace(response, force_transmission=force, impulse_transmission=impulse)
     if shot.incident is None:
         return response
-    speeds = {m: CubicSpline(times, problem.model.motions[m].velocity) for m in _used(problem)}
+    speeds = {
+        m: CubicSpline(times, problem.model.motions[m].velocity) for m in {*problem.samples.motion.tolist()}
+    }
     since = response.force_times
     gained = np.array([speeds[m](since) for m in problem.samples.motion.tolist()])
     push = np.array([speeds[m](since, 1) for m in problem.samples.motion.tolist()])
@@ -168,10 +176,6 @@ def mass_before(body: ElasticBody, depth: float | None = None) -> float:
         mass += part.density * 0.25 * np.pi * part.diameter**2 * min(part.length, max(rest, 0.0))
         rest -= part.length
     return mass
-
-
-def _used(problem: explicit.Problem) -> set[int]:
-    return set(problem.samples.motion.tolist())
 
 
 def _apart(before: explicit.Response, now: explicit.Response) -> float:
@@ -210,15 +214,6 @@ def _recorded(
     return found[0], found[1]
 
 
-def _tabled_motion(times: FloatArray, position: FloatArray) -> explicit.PlatenMotion:
-    return explicit.PlatenMotion(
-        start=float(times[0]),
-        step=float(times[1] - times[0]),
-        position=position - position[0],
-        velocity=CubicSpline(times, position)(times, 1),
-    )
-
-
 def _pulse(shot: ShotBase, body: ElasticBody, times: FloatArray) -> PulseResponse:
     step = round(float(times[-1] - times[0]) / (len(times) - 1), 15)
     return _pulse_response(body, shot.specimen.radius, step, len(times))
@@ -239,13 +234,11 @@ def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> Pu
 
 
 MOTION_KNOTS = 2049
-"""Interval of the knots of the flyer's motion in the solver. It is 0.7 us in a 1.5 ms test, far shorter than
-a camera frame."""
+"""Knots of the flyer's motion in the solver: one each 0.7 us in a 1.5 ms test, far below a camera frame."""
 MESHES = 16
 """Number of cached meshes with their constants; enough for one identification."""
 LEDGER_EVERY = 16
-"""Number of surface times between two entries of the energy ledger, for a run that is only used for a
-surrogate."""
+"""Number of surface times between two entries of the energy ledger of a surrogate's run."""
 
 
 @dataclass(frozen=True)
@@ -331,9 +324,7 @@ class Forward:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> explicit.Problem:
-        """The batch that `run` simulates, with its arguments and errors, for runs of several shots in
-        parallel.
-        """
+        """The batch that `run` simulates, with its arguments and errors, to be run beside other shots."""
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
         require_declared(points, self.shot)
@@ -344,7 +335,8 @@ class Forward:
         fields: Fields = {}
         for name, p in PARAMETERS.items():
             if p.belongs_to(self.shot):
-                fields = p.entered(fields, values.get(name, p.held(self.shot)))
+                used = values[name] if name in values else p.held(self.shot)
+                fields = {**fields, name: used} if p.enters is None else p.enters(fields, used)
         fields, relaxing = what_relaxes(fields, self.shot.relaxation)
         samples = explicit.Samples.of(
             **fields,

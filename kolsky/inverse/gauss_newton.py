@@ -231,8 +231,7 @@ def differences(vectors: FloatArray, up: FloatArray, down: FloatArray) -> FloatA
 MOST_MOVES = 2
 """Maximum number of path corrections: each reduces the path error to the relative error of the patterns."""
 AMPLITUDES_STAY = 0.2
-"""The path has converged if the root mean square change of its amplitudes is smaller than this [-]. Each
-amplitude has a standard normal prior."""
+"""Rms change of the path's amplitudes at convergence [-]. Each amplitude has a standard normal prior."""
 
 
 SearchUnderPath = Callable[
@@ -244,8 +243,7 @@ SearchUnderPath = Callable[
 def follow_on_refined(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
 ) -> tuple[RefinedRun, FloatArray, FrontPath]:
-    """The optimum on the refined mesh with the path corrected by its residual, the slopes [k, d], and that
-    path.
+    """The optimum on the refined mesh with the path corrected by its residual, slopes [k, d], and path.
 
     It is unchanged if the path was not corrected on the surrogate's mesh, or if the search has not converged.
     """
@@ -297,8 +295,7 @@ def search_by_gauss_newton(
     ``runner``, ``optima``: with the path, and the optima, of
     `kolsky.inverse.surrogate_mesh_search.search_meshes`.
 
-    Raises ValueError if a run on one of these meshes does not complete, or the data do not depend on a
-    parameter.
+    Raises ValueError if a run does not complete, or the data do not depend on a parameter.
     """
     problem = runner.problem
     coarse = optima[problem.numerics.mesh]

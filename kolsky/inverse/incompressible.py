@@ -49,8 +49,7 @@ of -79 to 107. Four made at 0.4990 to 0.4996 have 442 to 939 (docs/validation/co
 
 
 def rise_at_limit(runner: Runner, x: FloatArray, patterns: FloatArray | None) -> float:
-    """-2 ln L at the limit minus that at an optimum on the surrogate's mesh [-], negative if the data prefer
-    it.
+    """-2 ln L at the limit minus that at an optimum on the surrogate's mesh [-]; < 0 if preferred.
 
     The other parameters follow linearly, with the slopes at the optimum. The outline of a frame counts as one
     value, because the error of this mesh exceeds the outline's noise. At the limit the flyer's noise excites

@@ -79,8 +79,7 @@ class Stack:
     curve: FloatArray | None = None
     """Changes of all data by the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
     slow_scatter: FloatArray | None = None
-    """Changes of all data by the stiffness of each slow test's specimen. Between these specimens, the
-    stiffness scatters as between the shots."""
+    """Changes of all data by the stiffness of each slow test's specimen, which scatters as the shots do."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -115,9 +114,8 @@ class Stack:
         """The weights of the whole vector by the shots' weights and ``more`` patterns, shape [n, k]."""
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [self.placed(k, objective.common) for k, objective in enumerate(objectives)]
-        for shared in (self.common, self.curve, self.slow_scatter, more):
-            if shared is not None:
-                rows.append(self.padded(shared))
+        shared = (self.common, self.curve, self.slow_scatter, more)
+        rows += [self.padded(one) for one in shared if one is not None]
         return Whitening(sigma, np.concatenate(rows))
 
     def placed(self, k: int, rows: FloatArray) -> FloatArray:
@@ -144,9 +142,7 @@ class Stack:
 
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
         """A row of all data; its entries of all other shots are zero, shape [k]."""
-        found = np.zeros_like(row)
-        found[self.place(k)] = row[self.place(k)]
-        return found
+        return self.placed(k, row[None, self.place(k)])[0]
 
     def of_each(self, *rows: FloatArray) -> FloatArray:
         """Each row of all data, split into one row per shot, shape [n, k]."""
@@ -170,8 +166,7 @@ class Stack:
 
 
 BLIND = 0.1
-"""An unknown is unconstrained if its whole range changes the data by less than this, in standard
-deviations."""
+"""An unknown is unconstrained if its whole range changes the data by less, in standard deviations."""
 
 
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
@@ -286,7 +281,7 @@ class JointProblem:
 
     def known(self, x: FloatArray) -> FloatArray:
         """Residuals of the prior knowledge: declared values, and smoothness of the nodes' factors."""
-        n = self.unknowns.n_parameters
+        n = len(self.unknowns.bounds)
         rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
         if self.unknowns.nodes:
             rows.append(smoothness(self.unknowns.nodes, self.settings.curve_roughness) @ x[n:])
@@ -409,10 +404,6 @@ class JointProblem:
                 n = len(one.observations.bins.mean)
                 row[start : start + n] = sigma * one.objective.data[:n]
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
-
-    def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
-        """The weights with the discrepancies estimated from a residual."""
-        return self.stack.whitening(self.stack.weighed(residual), more)
 
     @property
     def declared(self) -> FloatArray:

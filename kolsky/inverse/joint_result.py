@@ -40,8 +40,7 @@ class OwnStiffness:
 
 
 FORCE_SCALE = "scale of the force"
-"""Name of the test that compares the scales of the shots' forces. Each shot's stiffness is free, so the
-scales do not scatter between specimens."""
+"""Name of the test of the force's scales. Each shot's stiffness is free, so specimens do not scatter them."""
 
 
 @dataclass(frozen=True)

@@ -56,11 +56,6 @@ class Unknowns:
         return design_box(self.bounds) if self.bounds else None
 
     @property
-    def n_parameters(self) -> int:
-        """Free parameters."""
-        return len(self.bounds)
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of all unknowns."""
         return (*self.bounds, *(f"curve_{k}" for k in range(1, self.nodes + 1)))
@@ -82,11 +77,11 @@ class Unknowns:
         """Derivative of the data by the logarithm of the shear modulus at a constant bulk modulus, [k].
 
         K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
-        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d].
-        ``x``: the point, [d].
+        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d], at
+        ``x``, [d].
         """
         if self.nodes:
-            found = slopes[:, self.n_parameters :].sum(axis=1)
+            found = slopes[:, len(self.bounds) :].sum(axis=1)
         else:
             i = self.names.index(MOVED)
             found = slopes[:, i] * x[i]
@@ -107,9 +102,7 @@ def curve_bytes(curve: MaterialCurve) -> bytes:
 
 
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
-    """Stress of the slow curve times the node factors, whose logarithms ``logs``, [nodes], are interpolated
-    linearly.
-    """
+    """Stress of the slow curve times factors, with their logarithms ``logs``, [nodes], interpolated."""
     place = np.abs(node_strains(curve, len(logs)))
     return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
 
@@ -202,7 +195,7 @@ class JointRuns:
         if unknowns.nodes:
             if material.any():
                 raise ValueError("a free curve has no separate noise: request curve 0")
-            logs, material = np.unique(points[:, unknowns.n_parameters :], axis=0, return_inverse=True)
+            logs, material = np.unique(points[:, len(unknowns.bounds) :], axis=0, return_inverse=True)
             curve = forward.shot.curve
             laws = [marlow_from_curve(curve.stretch, with_factors(curve, row)) for row in logs]
             forward = replace(forward, laws=tuple(laws))
@@ -232,9 +225,8 @@ class JointRuns:
         if self.ledger is None or not lost or not self._file:
             return
         with Ledger(self.ledger, self.model_hash) as book:
-            for key, run in zip(lost, book.find(np.array(lost)), strict=True):
-                if run is not None:
-                    self.known[key] = run.results
+            found = zip(lost, book.find(np.array(lost)), strict=True)
+            self.known |= {key: run.results for key, run in found if run is not None}
 
     def _record(self, fresh: Mapping[tuple[float, ...], FloatArray]) -> None:
         if self.ledger is None:
@@ -250,8 +242,7 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers of the numerical choices; equal for two runs only if all choices that affect a result are
-    equal.
+    """Numbers of the numerical choices that affect a result; equal only for equal choices.
 
     Mesh, grading and element are stored directly, the others as 48 bits of a digest, which fit a float.
     """

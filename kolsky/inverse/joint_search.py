@@ -95,9 +95,7 @@ def second_levels(problem: JointProblem, name: str) -> FloatArray:
 
 def _with_values(x: FloatArray, i: int, values: FloatArray) -> FloatArray:
     """A point with each of some values of one unknown, shape [n, d]."""
-    points = np.tile(x, (len(values), 1))
-    points[:, i] = values
-    return points
+    return np.where(np.arange(len(x)) == i, values[:, None], x)
 
 
 def _best_point(problem: JointProblem, points: FloatArray, numerics: Numerics) -> FloatArray:
@@ -222,7 +220,7 @@ def _judge_run(
 ) -> _RefinedRun:
     lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
     residual = vector - problem.stack.data
-    whitening = problem.whitening(residual)
+    whitening = problem.stack.weighting(residual)
     rows = whitening.apply(slopes.T)
     # A parameter at its bound does not require further steps.
     width = upper - lower  # unknowns of different units

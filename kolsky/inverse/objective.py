@@ -1,7 +1,6 @@
 """Weighted least squares of force and outline: covariance of residuals, prior, uncertainty.
 
-The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance
-is
+The data of a shot are one vector: force bin means, then counted outline points. Its covariance is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
@@ -152,8 +151,7 @@ def correlated_in_blocks(
 ) -> FloatArray:
     """Covariance of the optimum with or without correlated residuals within blocks of time, shape [d, d].
 
-    The largest variances count, of the block lengths in `BLOCKS` with more than four blocks per parameter and
-    of independent residuals.
+    The largest variances count, of all `BLOCKS` with more than four blocks per parameter and without blocks.
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -236,27 +234,11 @@ def weighting_with_prior(objective: Objective, known: int) -> Callable[[FloatArr
 
 
 PATTERN_ERROR = 0.2
-"""Standard uncertainty of the front face's patterns, as a share of their size [-]. It is independent from
-entry to entry."""
+"""Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 
 
-WITHOUT_DISCREPANCIES = frozenset(
-    {
-        "_of_force",
-        "counts",
-        "data",
-        "front_noise",
-        "kept",
-        "known_common",
-        "noise",
-        "outline_errors",
-        "pattern_variance",
-        "points_per_frame",
-        "slow_patterns",
-        "times",
-    }
-)
-"""Cached properties that do not depend on the discrepancies; the next objective reuses them."""
+WITH_DISCREPANCIES = ("common", "own_sigma", "sigma", "_whitenings")
+"""Cached properties that depend on the discrepancies; the next objective reuses all others."""
 
 
 @dataclass(frozen=True)
@@ -269,9 +251,7 @@ class FrontNoise:
     """Change along them by the corrected path, shape [n_bins + Q]; None if it was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
-        """The same effect over other bins and points; ``entries`` selects them in rows, shape [..., n_bins +
-        Q].
-        """
+        """The same over other bins and points; ``entries`` selects them in rows, [..., n_bins + Q]."""
         return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
 
 
@@ -409,9 +389,7 @@ class Objective:
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors, with the measured value (zero residual) at outline points that a run does
-        not reach.
-        """
+        """Predicted data vectors, with the measured value at outline points that a run does not reach."""
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
 
@@ -440,17 +418,14 @@ class Objective:
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
         """The objective with discrepancies from the residual of this vector beyond noise and front face."""
+        known = np.sqrt(self.noise**2 + self.pattern_variance)
         force, shape, slow = most_likely_discrepancies(
-            vector - self.data,
-            self.n_force,
-            known=np.sqrt(self.noise**2 + self.pattern_variance),
-            common=self.known_common,
-            slow=self.slow_patterns,
+            vector - self.data, self.n_force, known=known, common=self.known_common, slow=self.slow_patterns
         )
         found = replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
-        found.__dict__.update(
-            {name: self.__dict__[name] for name in WITHOUT_DISCREPANCIES & {*self.__dict__}}
-        )
+        for name, value in vars(self).items():
+            if name not in WITH_DISCREPANCIES and isinstance(getattr(Objective, name, None), cached_property):
+                vars(found)[name] = value
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
@@ -484,9 +459,7 @@ class Objective:
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """Contribution of the prior to J^T C^-1 J, shape [d, d]; zero for further unknowns such as a clock
-        lag.
-        """
+        """Contribution of the prior to J^T C^-1 J, shape [d, d]; zero for further unknowns."""
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)
@@ -549,11 +522,8 @@ class Objective:
         best = (gain * self.own_sigma**2) @ gain.T + known
         best = correlated_in_blocks(score, self.block, best, known)
         together = ((gain @ self.known_common.T) ** 2).sum(axis=1)
-        short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
-        scale = np.sqrt(np.maximum(short, 1.0))
-        return np.asarray(scale[:, None] * best * scale)
-
-    def _variance_without_patterns(self, jacobian: FloatArray, part: Part) -> FloatArray:
-        """Variances of the optimum with uncorrelated weights (total variance of each entry), shape [d]."""
+        # variances of the optimum with uncorrelated weights, the total variance of each entry
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
-        return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+        plain = np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
+        scale = np.sqrt(np.maximum((plain - together) / np.diag(best), 1.0))
+        return np.asarray(scale[:, None] * best * scale)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 
 LEAST_STEP = 1e-7
-"""Two neighbouring nodes lie on one platen if their y differ by less than this [m]. It is above the solver's
-round-off and far below the distance of two free nodes."""
+"""Nodes nearer than this in y lie on one platen [m]; far above round-off, far below two free nodes."""
 HEIGHT_TOLERANCE = 1e-12
 """Tolerance of y at the measured height [m]."""
 MOST_BISECTIONS = 100
@@ -106,8 +104,7 @@ def _monotone(
 ) -> FloatArray:
     """Slopes limited to 0 ... 3 times the smaller neighbouring difference (Fritsch and Carlson 1980).
 
-    Without the limit, y would not be monotone near a node that is about to touch a platen. A height could
-    then have three solutions.
+    Without it, y would not be monotone near a node about to touch a platen: three solutions at a height.
     """
     step = np.diff(f, axis=1)
     interval = np.arange(step.shape[1])
@@ -203,9 +200,7 @@ class Observations:
         return np.concatenate([force.centres for force in self.forces])
 
     def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
-        """Join a function of bins and force name ("transmission" or "flyer", as in `explicit.Response`) of
-        every force.
-        """
+        """Join a function of bins and name ("transmission" or "flyer") of every force."""
         return np.concatenate(
             [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
         )
@@ -286,8 +281,7 @@ def predict(response: Response, observations: Observations) -> Prediction:
     difference of the impulses at its edges, divided by its width. The radius is that of `radius_at`, never
     beyond the model's range.
 
-    Raises ValueError if a simulation did not complete, or if its `surface_times` or `force_times` lack a
-    frame, a bin edge or a recorded sample.
+    Raises ValueError if a simulation did not complete, or lacks a frame, a bin edge or a recorded sample.
     """
     lost = np.flatnonzero(~response.completed)
     if lost.size:
@@ -310,19 +304,18 @@ def predict(response: Response, observations: Observations) -> Prediction:
             radius_at(r, y, frame, line.y)
             for r, y in zip(response.surface_r, response.surface_y, strict=True)
         ]
+
+    def bin_means(bins: ForceBins, force: str) -> FloatArray:
+        impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
+        edge = _rows(t, bins.edges, "bin edge", "force_times")
+        return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))
+
     return Prediction(
         force=np.stack([np.interp(recorded, t, f) for f in response.force_transmission]),
-        force_bins=observations.of_forces(partial(_bin_means, response)),
+        force_bins=observations.of_forces(bin_means),
         Z=np.stack([Z for Z, _ in outline]),
         inside=np.stack([inside for _, inside in outline]),
     )
-
-
-def _bin_means(response: Response, bins: ForceBins, force: str) -> FloatArray:
-    """Exact means of a simulated force over bins, from its impulse, shape [n_samples, n_bins]."""
-    impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
-    edge = _rows(response.force_times, bins.edges, "bin edge", "force_times")
-    return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))
 
 
 _NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))

@@ -74,8 +74,7 @@ class Parameter:
     slides: bool = False
     """True if naming the parameter makes faces and side slide by Coulomb's law, whatever is declared."""
     read_by: str = ""
-    """Field of `explicit.contact.ContactLaw` that is true if a law reads the parameter. Empty if it has an
-    effect without a contact law."""
+    """Field of `explicit.contact.ContactLaw`, true if a law reads the parameter; empty if none must."""
     without: str = ""
     """The reason, in words, why it has no effect without a contact law that reads it."""
     scale: Callable[[float], float] | None = None
@@ -87,13 +86,13 @@ class Parameter:
     relaxes: bool = False
     """True if it is a constant of the relaxation. Only a shot with such a [relaxation] has the parameter."""
 
-    def entered(self, fields: Fields, value: Any) -> Fields:
-        """The solver's samples with a value of the parameter."""
-        return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
-
     def belongs_to(self, shot: Shot) -> bool:
         """True if the shot has the parameter; only constants of the relaxation may be missing."""
         return not self.relaxes or (shot.relaxation is not None and self.name in shot.relaxation.values)
+
+
+_MICROSECONDS: dict[str, Any] = {"unit": "s", "shown_unit": "µs", "shown_factor": 1e6}
+_KILOPASCALS: dict[str, Any] = {"unit": "Pa", "shown_unit": "kPa", "shown_factor": 1e-3}
 
 
 def _constant(
@@ -125,45 +124,32 @@ def _branch(k: int) -> tuple[Parameter, Parameter]:
     """Strength and relaxation time of the k-th branch of a Prony series."""
     strength = f"strength of the Prony branch {k}, its modulus over the long-term one"
     time = f"relaxation time of the Prony branch {k}"
-    unit = {"unit": "s", "shown_unit": "µs", "shown_factor": 1e6, "logarithmic": True}
     c, tau = (f"c_{k}",) * 3, (f"tau_{k}", f"τ_{k}", rf"\tau_{k}")
     scale = partial(max, 0.1)
     return (
         _constant(f"prony_strength_{k}", strength, c, (0.0, 2.0), (0.0, 1e3), scale=scale),
-        _constant(f"prony_time_{k}", time, tau, (2e-5, 5e-3), (1e-7, 1e6), **unit),
+        _constant(f"prony_time_{k}", time, tau, (2e-5, 5e-3), (1e-7, 1e6), **_MICROSECONDS, logarithmic=True),
     )
 
 
+# fmt: off
 RELAXING: tuple[Parameter, ...] = (
     *(one for k in range(1, MOST_BRANCHES + 1) for one in _branch(k)),
     _constant(
-        "creep_ratio",
-        "stiffness of the creeping network over the long-term law",
-        ("s", "s", "s"),
-        (0.0, 2.0),
-        (0.0, 1e3),
+        "creep_ratio", "stiffness of the creeping network over the long-term law", ("s",) * 3,
+        (0.0, 2.0), (0.0, 1e3),
     ),
     _constant(
-        "creep_resistance",
-        "stress at which the creeping network flows",
-        ("tau_hat", "τ̂", r"\hat\tau"),
-        (5e2, 1e5),
-        (1e-3, 1e12),
-        unit="Pa",
-        shown_unit="kPa",
-        shown_factor=1e-3,
-        logarithmic=True,
+        "creep_resistance", "stress at which the creeping network flows", ("tau_hat", "τ̂", r"\hat\tau"),
+        (5e2, 1e5), (1e-3, 1e12), **_KILOPASCALS, logarithmic=True,
     ),
     _constant(
-        "creep_exponent", "exponent of the creeping network’s stress", ("n",) * 3, (1.0, 10.0), (1.0, 50.0)
+        "creep_exponent", "exponent of the creeping network’s stress", ("n",) * 3, (1.0, 10.0), (1.0, 50.0),
     ),
     _constant("creep_chain_exponent", "exponent of the previous creep", ("C",) * 3, (-1.0, 0.0), (-1.0, 0.0)),
     _constant(
-        "creep_first",
-        "stretch that keeps the first creep finite",
-        ("xi", "xi", r"\xi"),
-        (1e-3, 0.1),
-        (1e-9, 1.0),
+        "creep_first", "stretch that keeps the first creep finite", ("xi", "xi", r"\xi"),
+        (1e-3, 0.1), (1e-9, 1.0),
     ),
 )
 """Constants of the relaxation; a shot has those of its [relaxation]."""
@@ -176,91 +162,42 @@ PARAMETERS: dict[str, Parameter] = {
     p.name: p
     for p in (
         Parameter(
-            name="stiffness_factor",
-            words="stiffness factor, dynamic over quasi-static modulus",
-            symbol="m",
-            written="m",
-            tex="m",
-            lower=0.5,
-            upper=2.5,
-            allowed=(1e-3, 1e3),
+            name="stiffness_factor", words="stiffness factor, dynamic over quasi-static modulus",
+            symbol="m", written="m", tex="m", lower=0.5, upper=2.5, allowed=(1e-3, 1e3),
             held=lambda shot: 1.0,
         ),
         Parameter(
-            name="friction",
-            words="Coulomb friction between specimen and platens",
-            symbol="f",
-            written="f",
-            tex="f",
-            lower=0.0,
-            upper=2.0,
-            allowed=(0.0, 1e3),
-            held=lambda shot: shot.interface.friction,
-            uncertainty=True,
-            slides=True,
-            read_by="needs_friction",
-            without="nothing slides",
+            name="friction", words="Coulomb friction between specimen and platens",
+            symbol="f", written="f", tex="f", lower=0.0, upper=2.0, allowed=(0.0, 1e3),
+            held=lambda shot: shot.interface.friction, uncertainty=True, slides=True,
+            read_by="needs_friction", without="nothing slides",
             changed=lambda shot, value: replace(shot, interface=replace(shot.interface, friction=value)),
         ),
         Parameter(
-            name="poisson",
-            words="Poisson’s ratio of the initial state",
-            symbol="nu",
-            written="ν",
-            tex=r"\nu",
-            lower=0.49,
-            upper=0.4999,
-            allowed=(0.0, LARGEST_POISSON),
-            held=lambda shot: shot.model.poisson,
-            uncertainty=True,
+            name="poisson", words="Poisson’s ratio of the initial state",
+            symbol="nu", written="ν", tex=r"\nu", lower=0.49, upper=0.4999, allowed=(0.0, LARGEST_POISSON),
+            held=lambda shot: shot.model.poisson, uncertainty=True,
         ),
         Parameter(
-            name="damping",
-            words="stiffness-proportional damping",
-            symbol="beta",
-            written="β",
-            tex=r"\beta",
-            unit="s",
-            shown_unit="µs",
-            shown_factor=1e6,
-            lower=0.0,
-            upper=1e-4,
-            allowed=(0.0, 1e-2),
-            held=lambda shot: shot.model.damping,
-            uncertainty=True,
+            name="damping", words="stiffness-proportional damping",
+            symbol="beta", written="β", tex=r"\beta", lower=0.0, upper=1e-4, allowed=(0.0, 1e-2),
+            held=lambda shot: shot.model.damping, uncertainty=True, **_MICROSECONDS,
         ),
         Parameter(
-            name="mass_damping",
-            words="mass-proportional damping",
-            symbol="alpha",
-            written="α",
-            tex=r"\alpha",
-            unit="1/s",
-            shown_unit="1/s",
-            lower=0.0,
-            upper=100.0,
-            allowed=(0.0, 1e6),
+            name="mass_damping", words="mass-proportional damping", unit="1/s", shown_unit="1/s",
+            symbol="alpha", written="α", tex=r"\alpha", lower=0.0, upper=100.0, allowed=(0.0, 1e6),
             held=lambda shot: shot.model.mass_damping,
         ),
         Parameter(
-            name="release_stress",
-            words="tensile stress at which a bonded face is released",
-            symbol="sigma_b",
-            written="σ_b",
-            tex=r"\sigma_b",
-            unit="Pa",
-            shown_unit="kPa",
-            shown_factor=1e-3,
-            lower=0.0,
-            upper=2e5,
-            allowed=(0.0, 1e9),
-            held=lambda shot: shot.interface.release_stress,
-            read_by="needs_release_stress",
-            without="no face lets go",
+            name="release_stress", words="tensile stress at which a bonded face is released",
+            symbol="sigma_b", written="σ_b", tex=r"\sigma_b", lower=0.0, upper=2e5, allowed=(0.0, 1e9),
+            held=lambda shot: shot.interface.release_stress, **_KILOPASCALS,
+            read_by="needs_release_stress", without="no face lets go",
         ),
         *RELAXING,
     )
 }
+# fmt: on
 """The parameters by name."""
 
 
@@ -320,8 +257,7 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
     """Raise ValueError if a parameter has no effect with the contact laws of faces and side.
 
-    That is so if neither law reads it and no named parameter makes the surfaces slide, or if it is named
-    together with one that does.
+    That is so if no law reads it and nothing slides, or if it is named together with one that slides.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -390,8 +326,7 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with a free relaxation that replaces the declared one, with initial values by window and
-    curve.
+    """The shot with a free relaxation instead of the declared one; initial values by window, curve.
 
     ``branches``: of a Prony series, 1 to `kolsky.base.apparatus.MOST_BRANCHES`, otherwise ValueError.
     """

@@ -59,10 +59,6 @@ class PathModes:
         """Amplitudes of the modes in a path with given shares of the jerks, [n] -> [q], without the rest."""
         return np.asarray(self.shares @ shares)
 
-    def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
-        """The fitted path plus modes of given amplitudes, shape [q]; its covariance is unchanged."""
-        return replace(fitted, jerk=fitted.jerk + amplitudes @ self.own_jerks)
-
 
 @dataclass(frozen=True)
 class MovedFront:
@@ -75,8 +71,8 @@ class MovedFront:
 
     @property
     def path(self) -> FlyerPath:
-        """The path."""
-        return self.modes.moved(self.fitted, self.amplitudes)
+        """The fitted path plus the modes; its covariance is unchanged."""
+        return replace(self.fitted, jerk=self.fitted.jerk + self.amplitudes @ self.modes.own_jerks)
 
     @property
     def offset(self) -> FloatArray:
@@ -131,8 +127,7 @@ def rms_amplitude(amplitudes: FloatArray) -> float:
 
 
 CREDIBLE = 4.0
-"""Root mean square of the amplitudes beyond which the path is not corrected [-]. Such a record is wrong, not
-noisy, and a correction would hide the error."""
+"""Root mean square of the amplitudes beyond which a record is wrong, not noisy, and not corrected [-]."""
 
 
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:

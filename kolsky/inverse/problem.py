@@ -200,8 +200,7 @@ class Freed:
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> Freed:
         """The same with parameters held, each for a reason, at a given value or the shot's value."""
         free = {name: bounds for name, bounds in self.free.items() if name not in reasons}
-        held = {**self.settings.held, **at}
-        settings = replace(self.settings, free=free, held=held)
+        settings = replace(self.settings, free=free, held={**self.settings.held, **at})
         return replace(self, settings=settings, reasons={**self.reasons, **reasons})
 
 
@@ -219,19 +218,15 @@ def choose(settings: Settings, shot: Shot) -> Freed:
     relaxing = () if shot.relaxation is None else shot.relaxation.free_names
     default = (*DEFAULT, *relaxing)
     reasons = {name: HELD_AS_ASKED for name in (*settings.held, *settings.hold) if name in default}
-    for name in default:
-        if shot.uncertainty.get(name) == 0.0:
-            reasons.setdefault(name, EXACT)
-    if "poisson" not in reasons and shot.model.poisson > PARAMETERS["poisson"].upper:
-        reasons["poisson"] = BEYOND
-    if rough(shot, settings.held):
-        for name in default:
-            if name not in ONE_FREE:
-                reasons.setdefault(name, SLIDES)
-    if shot.centre_line is None:
-        for name in default:
-            if name not in ONE_FREE:
-                reasons.setdefault(name, NO_OUTLINE)
+    others = [name for name in default if name not in ONE_FREE]
+    beyond = shot.model.poisson > PARAMETERS["poisson"].upper
+    for why, names in (
+        (EXACT, [name for name in default if shot.uncertainty.get(name) == 0.0]),
+        (BEYOND, ["poisson"] if beyond else []),
+        (SLIDES, others if rough(shot, settings.held) else []),
+        (NO_OUTLINE, others if shot.centre_line is None else []),
+    ):
+        reasons |= {name: why for name in names if name not in reasons}
     free = {name: None for name in default if name not in reasons}
     if not free:
         raise ValueError(f"nothing is free: {', '.join(f'{name} is {why}' for name, why in reasons.items())}")

@@ -26,8 +26,7 @@ from kolsky.inverse.settings import Numerics
 CONFIRMED = 0.2
 """An optimum is confirmed if the check run shifts it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
-"""It is also confirmed if the shift is below this many standard deviations of the roughness. The interval
-includes the roughness."""
+"""It is also confirmed if the shift is below this many standard deviations of the roughness."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,7 @@ class RefinedOptimum:
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
     """True if the last run shifts every parameter of the optimum by little.
 
-    ``move``, ``sigma``, ``roughness``: shift of the optimum, its standard deviations from the residuals and
-    from the response's roughness, [d].
+    ``move``, ``sigma``, ``roughness``: shift of the optimum, its sigma by residuals and by roughness, [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())
@@ -79,17 +77,13 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
 def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRuns:
     """A run at a point with all nodes; raises ValueError if it does not complete."""
     runs = runner.run("check", x[None], numerics, all_nodes=True)
-    completed = runs.completed()
-    if completed is None:
-        raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
-    return completed
+    return runs.completed("the check needs every run on the refined mesh to complete")
 
 
 EDGE = 0.2
 """Edge of the first box in the unit box. A wide box makes the jumps small compared with the response."""
 LEFTOVER = 0.3
-"""The box is halved while a run's deviation from the quadratic shifts the optimum by more than this. In
-shares of the residuals' sigma."""
+"""The box is halved while a run's deviation moves the optimum by more, in shares of the residuals' sigma."""
 GAIN = 0.7
 """A halved box is kept if the residual of the fit is below this share of its previous value."""
 PATIENCE = 2
@@ -97,8 +91,7 @@ PATIENCE = 2
 SMALLEST = 0.01
 """Smallest edge of a box to be halved. The boxes are halved on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
-"""Maximum number of designs on the refined mesh. Each is centred at the last optimum. The search ends when
-the optimum lies inside."""
+"""Maximum number of designs on the refined mesh, each about the last optimum until that lies inside."""
 REACH = 4.0
 """Largest move of a narrow box by a Gauss-Newton step, in edges of the box."""
 

@@ -38,13 +38,11 @@ class Method:
     values: dict[str, float]
     """The values it finds, in parameter units."""
     distances: dict[str, float]
-    """Value minus the answer, divided by the half width of the answer's k = 2 interval [-]. NaN if the method
-    has no value, or if the answer's interval has no width."""
+    """Value minus the answer over half the answer's k = 2 interval [-]; NaN without a value or a width."""
     runs: int
     """Number of simulations, including those of its surrogate."""
     shared_runs: int = 0
-    """Number of these simulations that another method made. A method that uses the answer's surrogate makes
-    no new runs."""
+    """Number of these simulations that another method made, all of them with the answer's surrogate."""
     converged: bool = True
     ended: str = ""
 
@@ -58,8 +56,7 @@ class Method:
         half_width: Mapping[str, float],
         **known: Any,
     ) -> Method:
-        """Compare a method's result with the answer and half the length of its k = 2 interval, in parameter
-        units.
+        """Compare a method's result with the answer and half its k = 2 interval, in parameter units.
 
         The other arguments are the fields of this name. Raises ValueError if the names differ.
         """

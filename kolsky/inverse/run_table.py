@@ -70,8 +70,7 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
     Phi_S, Eq. (M.3), is a mean over the counted points of each frame, then over the frames with a counted
     point. Its uncertainty, Eq. (M.6), is the same mean of Z_FEA sigma_Z / Z_DIC^2: as in the paper, the
     errors count as common to all points. Phi_F is a sum over samples, Eq. (M.4), and its uncertainty the sum
-    of their sigmas, P delta F in Eq. (M.7). Chi-square uses the force bins and the outline points with their
-    sigmas.
+    of their sigmas, P delta F in Eq. (M.7). Chi-square uses bins and points.
 
     Raises ValueError if no outline point is inside the model's range.
     """
@@ -160,12 +159,10 @@ class DesignTable:
     def ending(self, run: int) -> Ending:
         """The ending of a run: outcome, time, element."""
         r, y = self.failed_places[run]
-        return Ending(
-            outcome=Outcome[self.outcomes[run]],
-            time=float(self.end_times[run]),
-            element=int(self.failed_elements[run]),
-            place=(float(r), float(y)),
-        )
+        outcome = Outcome[self.outcomes[run]]
+        time = float(self.end_times[run])
+        element = int(self.failed_elements[run])
+        return Ending(outcome=outcome, time=time, element=element, place=(float(r), float(y)))
 
     @property
     def lost(self) -> tuple[int, ...]:
@@ -222,10 +219,10 @@ class Runs:
         n, lost = len(self.points), len(self.points) - len(self.rows)
         return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
 
-    def completed(self) -> CompletedRuns | None:
-        """The completed runs; None if there are none."""
+    def completed(self, problem: str) -> CompletedRuns:
+        """The completed runs. Without any, raises ValueError with a problem and the first failure."""
         if self.prediction is None:
-            return None
+            raise ValueError(f"{problem}: {self.first_lost}")
         response = self.response.select(self.rows)
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 
@@ -248,9 +245,7 @@ class RunTable:
     def add(
         self, stage: str, values: FloatArray, runs: Runs, observations: Observations, *, on: Place
     ) -> None:
-        """Append a batch with the values run on this mesh, [n, d]; the points of `runs` are the refined
-        mesh's.
-        """
+        """Append a batch with the values run on its mesh, [n, d]; its points are the refined mesh's."""
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}
         for row, (point, ending) in enumerate(zip(values, runs.response.endings, strict=True)):

@@ -105,8 +105,8 @@ class Runner:
     ) -> Response:
         """Run points of shape [n, d] as part of a stage, without recording them in the table.
 
-        They may lie outside the box. ``forward``: replaces that of the path; ``motion`` and ``material``
-        refer to it.
+        They may lie outside the box. ``forward``: in place of the path's; `motion` and `material` refer to
+        it.
         """
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
@@ -137,10 +137,7 @@ class Runner:
     ) -> CompletedRuns:
         """Run a design and record it; raises ValueError if no run completed."""
         runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
-        completed = runs.completed()
-        if completed is None:
-            raise ValueError(f"no run of the {stage} completed: {runs.first_lost}")
-        return completed
+        return runs.completed(f"no run of the {stage} completed")
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
         """Data vectors of runs, [n, d] -> [n, k], see `Objective.reached`; NaN in the row of a failed run."""
@@ -194,8 +191,7 @@ class Runner:
     def under_other_motions(
         self, points: FloatArray, jerks: FloatArray, numerics: Numerics
     ) -> list[Prediction | None]:
-        """Run each point with the path of the front face (row 0) and with other paths; None if the first run
-        fails.
+        """Run each point with the front face's path (row 0) and with others; None if the first fails.
 
         ``points``: in parameter units, shape [p, d]. ``jerks``: jerk of each other path minus that of the
         path [m/s^3], shape [n, n_spans], see `front_jerks`.

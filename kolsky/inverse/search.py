@@ -67,8 +67,7 @@ class Search:
     designs: RunTable | None = None
     """The runs of designs over the whole range, used for the paper's cost; None if all runs are used."""
     valley_margin: float = np.inf
-    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]. The incompressible limit is
-    such a valley; `COUNTED` of its rise counts."""
+    """-2 ln L of the next valley (of the limit of nu, `COUNTED` of its rise) minus that of this one [-]."""
     valley: float = np.inf
     """Poisson's ratio of the deepest valley [-]; infinite if the ratio was not held at the limit instead."""
     limit_rise: float = np.inf
@@ -95,8 +94,7 @@ class Search:
         return (x, response) if response.outcomes[0].ok else None
 
     def paper_route(self) -> Route | None:
-        """The optimum of the paper's cost, as in the paper that of the stiffness-only search, if one was
-        made.
+        """The optimum of the paper's cost, of the stiffness-only search if one was made.
 
         None if no surrogate can be fitted to that cost: this comparison must not stop an identification.
         """

@@ -5,6 +5,7 @@ The command line makes its options from these fields. The module therefore does 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, Literal
 
 from dic.basics import check_interval
@@ -26,11 +27,8 @@ def _usable_device(option: str, text: str) -> str:
     try:
         select_device(text)
     except ValueError as error:
-        raise InputError(
-            COMMAND_LINE,
-            f"{option}: {error}",
-            cure="give cpu, cuda or cuda:N; `kolsky doctor` lists the devices",
-        ) from None
+        cure = "give cpu, cuda or cuda:N; `kolsky doctor` lists the devices"
+        raise InputError(COMMAND_LINE, f"{option}: {error}", cure=cure) from None
     return text
 
 
@@ -40,14 +38,12 @@ def _compressible() -> float:
     return COMPRESSIBLE
 
 
+_numerical = partial(Option, panel=NUMERICAL)
 Mesh = Annotated[
-    tuple[int, int],
-    Option("Elements across the radius x along the length.", metavar="NRxNY", panel=NUMERICAL),
+    tuple[int, int], _numerical("Elements across the radius x along the length.", metavar="NRxNY")
 ]
-Device = Annotated[
-    str, Option('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device, panel=NUMERICAL)
-]
-Threads = Annotated[int | None, Option("CPU threads.", min=1, show_default="all cores", panel=NUMERICAL)]
+Device = Annotated[str, _numerical('"cpu", a CUDA device such as "cuda:0", or "cuda".', read=_usable_device)]
+Threads = Annotated[int | None, _numerical("CPU threads.", min=1, show_default="all cores")]
 Seed = Annotated[int, Option("Seed of every random draw.", min=0, panel=ADVANCED)]
 
 
@@ -65,11 +61,10 @@ class Numerics:
     """Time step divided by the stability limit [-]."""
     precision: Annotated[
         Literal["fp64", "fp32"] | None,
-        Option(
+        _numerical(
             "Arithmetic of the solver: fp64 or fp32.",
             metavar="CHOICE",
             show_default="fp64; fp32 on the coarse meshes of a search where nothing slides",
-            panel=NUMERICAL,
         ),
     ] = None
     """None: double precision, except on the coarse meshes of a search, see `for_search`."""
@@ -77,27 +72,24 @@ class Numerics:
     threads: Threads = None
     past_data: Annotated[
         Literal["continue", "stop"],
-        Option(
-            "Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
-            metavar="CHOICE",
-            panel=NUMERICAL,
+        _numerical(
+            "Beyond the quasi-static curve's end: continue on its tangent, or stop the run.", metavar="CHOICE"
         ),
     ] = "continue"
     element: Annotated[
         Literal["one_point", "fbar"],
-        Option("one_point, or fbar: fully integrated, three times as expensive.", panel=NUMERICAL),
+        _numerical("one_point, or fbar: fully integrated, three times as expensive."),
     ] = "one_point"
     hourglass_form: Annotated[
         Literal["stiffness", "viscous"],
-        Option("Hourglass control of one_point: stiffness or viscous.", name="hourglass", panel=NUMERICAL),
+        _numerical("Hourglass control of one_point: stiffness or viscous.", name="hourglass"),
     ] = "stiffness"
     compressible: Annotated[
         float | None,
-        Option(
+        _numerical(
             "Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
             name="nearly-incompressible",
             on=_compressible,
-            panel=NUMERICAL,
         ),
     ] = None
     """Poisson's ratio of the runs. Coarser meshes give the correction to the requested ratio, see
@@ -119,17 +111,14 @@ class Numerics:
         """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
 
         Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
-        surface slides, where single runs jump, nor with a correction for Poisson's ratio, which extrapolates
-        differences of coarse meshes.
+        surface slides, where single runs jump, nor with a correction for Poisson's ratio.
         """
         if self.precision is not None or self.compressible is not None:
             return self
         return replace(self, precision="fp32")
 
     def coarser(self) -> "tuple[Numerics, Numerics]":
-        """The meshes for the Poisson correction: half as fine, and three quarters of that; ValueError if too
-        coarse.
-        """
+        """The meshes for the Poisson correction, 1/2 and 3/8 as fine; ValueError if too coarse."""
         if self.mesh[0] < LEAST_ACROSS + 2:
             raise ValueError(
                 f"correcting for Poisson's ratio needs {LEAST_ACROSS + 2} elements or more across the "

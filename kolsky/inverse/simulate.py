@@ -150,8 +150,7 @@ def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatA
 SLOW_POINTS = 60
 """Number of strains in the table."""
 INERTIA = 0.01
-"""Limit of two ratios, above which they are reported: kinetic over elastic energy, and difference of the
-forces of the faces over their force."""
+"""Largest kinetic over elastic energy, and difference of the faces' forces over their force, not reported."""
 
 
 def slow_test_of(

@@ -155,9 +155,8 @@ def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests for shots, which declare the law; InputError with file, line, key, remedy."""
     toml = parse_toml(path)
     if "law" in toml.content:
-        raise InputError(
-            path, "is that of the shots, so [law] would have no effect", key="law", cure="remove it"
-        )
+        message = "is that of the shots, so [law] would have no effect"
+        raise InputError(path, message, key="law", cure="remove it")
     made = read_slow_list(toml)
     for name, sweep in made.sweeps.items():
         if not sweep.determined:
@@ -225,12 +224,9 @@ def _oscillation(name: str, test: SlowTest, table: Table) -> DynamicTest:
         "storage": table.values(_column(test.storage)),
         "loss": table.values(_column(test.loss)),
     }
-    return DynamicTest(
-        **parts,
-        sigma_storage=_sigma(test, parts["storage"]),
-        sigma_loss=_sigma(test, parts["loss"]),
-        label=name,
-    )
+    sigma_storage = _sigma(test, parts["storage"])
+    sigma_loss = _sigma(test, parts["loss"])
+    return DynamicTest(**parts, sigma_storage=sigma_storage, sigma_loss=sigma_loss, label=name)
 
 
 def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:

@@ -77,12 +77,10 @@ def oscillation_table(
     """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
     shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
+    modulus = factor * small_strain_modulus(shot.curve)
+    window = float(edges[-1] - edges[0])
     number = oscillations(
-        table,
-        modulus=factor * small_strain_modulus(shot.curve),
-        density=shot.specimen.density,
-        length=shot.specimen.length,
-        window=float(edges[-1] - edges[0]),
+        table, modulus=modulus, density=shot.specimen.density, length=shot.specimen.length, window=window
     )
     return table, number
 
@@ -120,9 +118,7 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points, [n], with the flyer's noise and frames as one entry; inf if
-    lost.
-    """
+    """-2 ln of likelihood and prior at points, [n], with flyer's noise and balanced frames; inf if lost."""
     found = np.full(len(points), np.inf)
     # All points use the same outline points, because likelihoods of different data cannot be compared.
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
@@ -181,8 +177,7 @@ def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, insi
 def margin(values: FloatArray, apart: FloatArray) -> float:
     """Margin of the likeliest floor relative to the likeliest other valley [-].
 
-    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: oscillations from
-    this floor [n].
+    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: from it, [n].
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
@@ -199,7 +194,7 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
 
 def search_box(box: Box) -> Box:
     """The box of the search, with the logarithm of 1 - 2 nu and of parameters that span decades."""
-    bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
+    bounds = dict(zip(box.names, zip(box.lower, box.upper, strict=True), strict=True))
     decades = [name for name in box.names if name in PARAMETERS and PARAMETERS[name].logarithmic]
     if VALLEY in bounds:
         low, high = bounds[VALLEY]

@@ -16,8 +16,7 @@ from typing import Any
 MEMORY = {"xls": 1_300_000_000, "mat": 2_500_000_000}
 """Memory limit of this process, if the system supports one [bytes]."""
 ALARM = 10
-"""Time limit of this process, if the system supports alarms [s]. It also ends the process if the parent has
-ended."""
+"""Time limit of this process, if the system supports alarms [s]; also if the parent has ended."""
 UNPACKED_LIMIT = 400_000_000
 """Largest total size of the arrays of a MATLAB file [bytes]."""
 NUMBERS = {

@@ -21,6 +21,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
+from kolsky.readers.header import HeaderClock
 from kolsky.readers.layout import ColumnId
 
 
@@ -31,8 +32,7 @@ class ChannelInfo:
     name: str
     """Its name in the file. The name selects the channel."""
     number: int
-    """Its number among the columns or channels of the file, counted from 1. The number also selects the
-    channel."""
+    """Its number among the columns or channels, counted from 1. It selects the channel too."""
     unit: str | None
     """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
@@ -206,15 +206,11 @@ def check_samples(path: Path, name: str, samples: int) -> None:
     Raises InputError that gives the number found.
     """
     if samples > SAMPLES_LIMIT:
-        raise InputError(
-            path,
-            f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read",
-            cure="export the time span of the test only",
-        )
+        message = f"channel '{name}' has {samples} samples, more than the {SAMPLES_LIMIT} that are read"
+        raise InputError(path, message, cure="export the time span of the test only")
     if samples < 2:
-        raise InputError(
-            path, f"channel '{name}' has {samples} samples", cure="name a record, at least two samples long"
-        )
+        message = f"channel '{name}' has {samples} samples"
+        raise InputError(path, message, cure="name a record, at least two samples long")
 
 
 def find_column(
@@ -232,9 +228,8 @@ def find_column(
     """Index of a column by its name (of an HDF5 path, without its slash too) or, failing that, its number.
 
     ``path``, ``line``, ``cure``: for messages. ``what``: the column's kind, e.g. "time column". ``numbers``:
-    numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not their names.
-    ``purpose``: what it is for, e.g. " for the stress". Raises InputError if no column, or more than one, has
-    the name.
+    numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not twenty names.
+    ``purpose``: what it is for, e.g. " for the stress". Raises InputError if not one column has it.
     """
     found = [i for i, name in enumerate(names) if name in (wanted, f"/{wanted}")]
     if not found and str(wanted).isdecimal():
@@ -243,13 +238,9 @@ def find_column(
         return found[0]
     if found:
         by_number = f"give the number of one: {', '.join(str(numbers[i]) for i in found)}" if numbers else ""
-        raise InputError(
-            path,
-            f"{what} '{wanted}' is there {len(found)} times",
-            line=line,
-            cure=by_number or "give each column a different name",
-        )
-    words = ", ".join(f"'{name}'" for name in names) if listed is None else listed
+        message = f"{what} '{wanted}' is there {len(found)} times"
+        raise InputError(path, message, line=line, cure=by_number or "give each column a different name")
+    words = ", ".join(f"'{name}'" for name in names[:20]) if listed is None else listed
     missing = f"{what} '{wanted}'{purpose} is missing; the {what.split()[-1]}s are {words}"
     raise InputError(path, missing, line=line, cure=cure)
 
@@ -271,7 +262,9 @@ Fault = Callable[[str, int | None, str], InputError]
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
     """The last printed digit of each number; the finest one among numbers of one decade and notation."""
-    numbers = [_printed(field) for field in fields]
+    plain = [Decimal(field) for field in fields]
+    # figures after the 15th come from the binary representation
+    numbers = [n if len(n.as_tuple().digits) <= 15 else n.normalize(_FIFTEEN) for n in plain]
     kinds = [
         (number.adjusted() if number else None, "e" in field.lower())
         for number, field in zip(numbers, fields, strict=True)
@@ -288,8 +281,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
 
     `SAMPLED` rows are examined. The others get the digit of their decade.
 
-    ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in the unit of `values`,
-    shape [n].
+    ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in their unit, shape [n].
     """
     if values.size <= SAMPLED:
         return _printed_digits([field_of(row) for row in range(values.size)])
@@ -305,15 +297,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
 
 
 def column_clock(
-    time: FloatArray,
-    digit: FloatArray,
-    *,
-    name: str,
-    fault: Fault,
-    interval: float | None = None,
-    tolerance: float = 0.0,
-    start: float | None = None,
-    source: str = "",
+    time: FloatArray, digit: FloatArray, header: HeaderClock, *, name: str, fault: Fault
 ) -> Clock:
     """The clock defined by a time column.
 
@@ -322,24 +306,25 @@ def column_clock(
     common range. If that range is smaller than dt / 100, the start is the first time.
 
     ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each time [s], shape [n].
-    ``name``: the column, for messages. ``interval``: the interval declared by the user or the header [s].
-    Without it, the column must define one. ``tolerance``: rounding error of the printed interval [s].
-    ``start``: the start declared with it [s]. ``source``: source of the declared interval, in words. Raises
-    InputError if times decrease or have gaps. The same error is raised if they are rounded too much to define
-    an interval, or if they contradict the declared interval.
+    ``header``: the declared clock. Without an interval in it, the column must define one. ``name``: the
+    column, for messages. Raises InputError if times decrease or have gaps. The same error is raised if they
+    are rounded too much to define an interval, or if they contradict the declared interval.
     """
+    interval, start, source = header.interval, header.start, header.source
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
     shown, doubt = _mean_step(time, digit)
     if interval is None:
         varies = check_steps(time, digit, name=name, fault=fault)
-        shown = _without_noise(shown, doubt)
+        # rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits
+        figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(shown / doubt))) + 4
+        shown = float(f"{shown:.{min(15, figures)}g}")
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
     # Some programs truncate instead of rounding. The error is then a whole digit instead of half a digit.
     for share in (0.5, 1.0):
-        slack = share * digit * 1.001 + 1e-12 * np.abs(time) + tolerance * index
+        slack = share * digit * 1.001 + 1e-12 * np.abs(time) + header.interval_digit * index
         low, high = (
             float((time - slack - interval * index).max()),
             float((time + slack - interval * index).min()),
@@ -361,14 +346,12 @@ def column_clock(
     return Clock(found, interval, f"{source}; start from column '{name}'{known}")
 
 
-def array_clock(
-    time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
-) -> Clock:
+def array_clock(time: FloatArray, header: HeaderClock, *, name: str, fault: Fault) -> Clock:
     """The clock of times stored as binary numbers. Their printed digits are unknown.
 
-    Raises InputError for the reasons of `column_clock`. A time may deviate from uniform times by 5 % of the
-    interval.
+    Arguments and errors are those of `column_clock`. A time may be off by 5 % of the interval.
     """
+    interval, source = header.interval, header.source
     _sorted(time, name, fault)
     last = time.size - 1
     shown = float(time[last] - time[0]) / last
@@ -394,18 +377,6 @@ def array_clock(
             f'if the record has no gap, state the interval: interval = "{shown:.6g} s"',
         )
     return Clock(float(time[0]), shown, f"'{name}'")
-
-
-def _printed(field: str) -> Decimal:
-    """A number as it was printed; figures after the 15th come from its binary representation."""
-    number = Decimal(field)
-    return number if len(number.as_tuple().digits) <= 15 else number.normalize(_FIFTEEN)
-
-
-def _without_noise(interval: float, doubt: float) -> float:
-    """The interval rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits."""
-    figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
-    return float(f"{interval:.{min(15, figures)}g}")
 
 
 def _sorted(time: FloatArray, name: str, fault: Fault) -> None:

@@ -25,14 +25,12 @@ class ExportLayout:
 
     program: str
     """The program, with its version if the names differ between versions."""
-    coordinates: tuple[str, str, str]
-    """Columns of the position, in the reference frame or in the current frame. The numbers show which of
-    both."""
-    displacements: tuple[str, str, str]
-    """Columns of the displacement from the reference frame."""
+    coordinates: tuple[str, ...]
+    """Three columns of the position, in the reference or in the current frame, as the numbers show."""
+    displacements: tuple[str, ...]
+    """Three columns of the displacement from the reference frame."""
     key: tuple[str, ...] = ()
-    """Columns that identify the point of a row in every frame. Without such columns, the order of rows
-    identifies it."""
+    """Columns that identify the point of a row in every frame; without them, the order of rows does."""
     rejected: tuple[str, ...] = ()
     """Columns that are negative for points rejected by the program. Missing columns are ignored."""
 
@@ -44,56 +42,47 @@ _DICE = ExportLayout(
     key=("SUBSET_ID",),
     rejected=("SIGMA", "MATCH", "GAMMA"),
 )
+_XYZ, _UVW, _xyz, _uvw = (tuple(names) for names in ("XYZ", "UVW", "xyz", "uvw"))
+# fmt: off
 LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
-    "vic3d": (
-        # Data export as CSV. sigma is -1 for a subset that was not matched.
-        ExportLayout("VIC-3D", ("X", "Y", "Z"), ("U", "V", "W"), key=("x", "y"), rejected=("sigma",)),
-    ),
+    # Data export as CSV. sigma is -1 for a subset that was not matched.
+    "vic3d": (ExportLayout("VIC-3D", _XYZ, _UVW, key=("x", "y"), rejected=("sigma",)),),
     "aramis": (
         # https://github.com/dlr-wf/aramis-data-exporter (nodemap.txt): lost facets are NaN.
+        ExportLayout("ARAMIS, data exporter", ("x_undef", "y_undef", "z_undef"), _uvw, key=("ID",)),
         ExportLayout(
-            "ARAMIS, data exporter", ("x_undef", "y_undef", "z_undef"), ("u", "v", "w"), key=("ID",)
-        ),
-        ExportLayout(
-            "GOM Inspect, ARAMIS Professional",
-            ("x", "y", "z"),
-            ("displacement_x", "displacement_y", "displacement_z"),
-            key=("id",),
+            "GOM Inspect, ARAMIS Professional", _xyz,
+            ("displacement_x", "displacement_y", "displacement_z"), key=("id",),
         ),
     ),
     "matchid": (
         ExportLayout(
-            "MatchID 2024",
-            ("coor.X", "coor.Y", "coor.Z"),
+            "MatchID 2024", ("coor.X", "coor.Y", "coor.Z"),
             ("disp.Horizontal Displacement U", "disp.Vertical Displacement V", "disp.Out-Of-Plane: W"),
             key=("Coordinates.Image X", "Coordinates.Image Y"),
         ),
-        ExportLayout("MatchID to 2023", ("x", "y", "z"), ("u", "v", "w"), key=("x_pic", "y_pic")),
+        ExportLayout("MatchID to 2023", _xyz, _uvw, key=("x_pic", "y_pic")),
     ),
+    # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
     "dice": (
-        # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
         _DICE,
         replace(_DICE, program="DICe without subset numbers", key=("COORDINATE_X", "COORDINATE_Y")),
     ),
     "opencorr": (
         ExportLayout(
-            "OpenCorr",
-            ("ref_x", "ref_y", "ref_z"),
-            ("u", "v", "w"),
-            key=("x", "y"),
+            "OpenCorr", ("ref_x", "ref_y", "ref_z"), _uvw, key=("x", "y"),
             rejected=("r1r2 ZNCC", "r1t1 ZNCC", "r1t2 ZNCC"),
         ),
     ),
+    # https://github.com/SolavLab/DuoDIC keeps cells of a MATLAB structure: `DUODIC_CURE` writes tables.
     "duodic": (
-        # https://github.com/SolavLab/DuoDIC keeps cells of a MATLAB structure: `DUODIC_CURE` writes tables.
         ExportLayout(
-            "DuoDIC, MultiDIC",
-            ("Points3D_X", "Points3D_Y", "Points3D_Z"),
-            ("DispVec_X", "DispVec_Y", "DispVec_Z"),
-            key=("point",),
+            "DuoDIC, MultiDIC", ("Points3D_X", "Points3D_Y", "Points3D_Z"),
+            ("DispVec_X", "DispVec_Y", "DispVec_Z"), key=("point",),
         ),
     ),
 }
+# fmt: on
 """Name in shot.toml -> layouts. The first layout with all its columns in the header is used."""
 
 
@@ -159,31 +148,35 @@ def read(
     """Read the points of all frames.
 
     A point is identified by the layout's key or, without a key, by its row. The coordinates of the files may
-    be reference or current positions. The numbers show which: reference positions are constant, current
-    positions change with the displacements.
+    be reference or current positions. The numbers show which: only current ones change.
 
     ``paths``: the files. Their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
     unit of length of coordinates and displacements. None: that of the headings, or mm if they have none.
-    ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if
-    a file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
+    ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if a
+    file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
     have no frame numbers. The same error is raised if a point is repeated, if rows cannot be distinguished,
     or if coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
-        raise InputError(
-            paths[0],
-            f"is declared to be of '{layout}'" + (f" in '{unit}'" if unit is not None else ""),
-            allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
-        )
+        message = f"is declared to be of '{layout}'" + (f" in '{unit}'" if unit is not None else "")
+        allowed = f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}"
+        raise InputError(paths[0], message, allowed=allowed)
     numbers = _frame_numbers(paths)
     order = np.argsort(numbers)
     files = [_one(paths[i], layout, unit, Layout(delimiter=delimiter, decimal=decimal)) for i in order]
     programs = {file.program for file in files}
     if len(programs) > 1:
+        message = f"and the others are of {sorted(programs)}"
+        raise InputError(paths[0], message, cure="export all frames alike")
+    lengths = {len(file.keys) for file in files}
+    if (not files[0].keys or isinstance(files[0].keys[0], int)) and len(lengths) > 1:
         raise InputError(
-            paths[0], f"and the others are of {sorted(programs)}", cure="export all frames alike"
+            files[0].path,
+            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that identifies the "
+            "points",
+            cure="export the points' numbers or places in the picture too",
         )
-    index = _point_index(files)
+    index = {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}
     coordinates = np.full((len(files), len(index), 3), np.nan)
     u, state = coordinates.copy(), np.full(coordinates.shape[:2], int(PointState.MISSING))
     for i, file in enumerate(files):
@@ -213,8 +206,7 @@ def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
     Names of one letter, such as x, y, z, u, v, w, are common. For such names, the columns that identify a
     point must also be present. `read` does not require them.
 
-    ``path``: one file of a series. Returns: keys of `LAYOUTS`. Empty if the file is not a table, or if its
-    headings match no program.
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`. Empty if the file is no table of a program.
     """
     try:
         _, table, sheet = _sheet(path, Layout())
@@ -225,7 +217,8 @@ def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
         for form in layouts:
             lengths = (*form.coordinates, *form.displacements)
             common = all(len(name) == 1 for name in lengths)
-            if _has(sheet, (*lengths, *(form.key if common else ()))) and program not in found:
+            wanted = {*lengths, *(form.key if common else ())}
+            if wanted <= {*sheet.names} and program not in found:
                 headings = [table.names[sheet.names.index(name)] for name in lengths]
                 stated = {unit for heading in headings if (unit := _stated_unit(heading))}
                 found[program] = tuple(sorted(stated))
@@ -257,25 +250,30 @@ def _sheet(path: Path, declared: Layout) -> tuple[str, Sheet, Sheet]:
 def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
     """The points of one frame."""
     sha256, table, sheet = _sheet(path, declared)
-    fitting = [form for form in LAYOUTS[layout] if _has(sheet, (*form.coordinates, *form.displacements))]
-    chosen = next((form for form in fitting if _has(sheet, form.key)), fitting[0] if fitting else None)
+    names = {*sheet.names}
+    fitting = [form for form in LAYOUTS[layout] if {*form.coordinates, *form.displacements} <= names]
+    chosen = next((form for form in fitting if {*form.key} <= names), fitting[0] if fitting else None)
     if chosen is None:
         forms = " or ".join(
             ", ".join((*form.key, *form.coordinates, *form.displacements)) for form in LAYOUTS[layout]
         )
-        raise InputError(
-            path,
-            f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}",
-            line=table.first_line - 1 or None,
-            cure=f"export {forms}",
-        )
+        message = f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}"
+        raise InputError(path, message, line=table.first_line - 1 or None, cure=f"export {forms}")
 
     def columns(wanted: tuple[str, ...]) -> FloatArray:
         return np.stack([sheet.numbers(sheet.column(name), gaps=True) for name in wanted], axis=-1)
 
     def lengths(wanted: tuple[str, ...]) -> FloatArray:
-        headings = [table.names[sheet.column(name)] for name in wanted]
-        return columns(wanted) * [UNITS[_length_unit(path, heading, unit)] for heading in headings]
+        factors = []
+        for heading in (table.names[sheet.column(name)] for name in wanted):
+            stated = _stated_unit(heading)
+            if stated and unit is not None and UNITS[unit] != UNITS[stated]:
+                message = (
+                    f"has the unit '{stated}' in its column '{heading}', and unit = \"{unit}\" is declared"
+                )
+                raise InputError(path, message, cure=f'declare unit = "{stated}", or leave unit out')
+            factors.append(UNITS[stated or unit or "mm"])
+        return columns(wanted) * factors
 
     coordinates, displacements = lengths(chosen.coordinates), lengths(chosen.displacements)
     state = np.full(len(coordinates), int(PointState.VALID))
@@ -284,28 +282,13 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
     gone = ~(np.isfinite(coordinates).all(axis=1) & np.isfinite(displacements).all(axis=1))
     state[gone] = int(PointState.MISSING)
     keys: tuple[object, ...] = tuple(range(len(coordinates)))
-    if all(name in sheet.names for name in chosen.key) and chosen.key:
+    if chosen.key and {*chosen.key} <= names:
         keys = tuple(map(tuple, columns(chosen.key)))
         if len(set(keys)) < len(keys):
             twice = next(key for i, key in enumerate(keys) if key in keys[:i])
-            raise sheet.error(
-                f"has the point {chosen.key} = {twice} twice", keys.index(twice), "export each point once"
-            )
+            message = f"has the point {chosen.key} = {twice} twice"
+            raise sheet.error(message, keys.index(twice), "export each point once")
     return _File(path, sha256, chosen.program, keys, coordinates, displacements, state)
-
-
-def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm."""
-    stated = _stated_unit(heading)
-    if not stated:
-        return declared or "mm"
-    if declared is not None and UNITS[declared] != UNITS[stated]:
-        raise InputError(
-            path,
-            f"has the unit '{stated}' in its column '{heading}', and unit = \"{declared}\" is declared",
-            cure=f'declare unit = "{stated}", or leave unit out',
-        )
-    return stated
 
 
 def _stated_unit(heading: str) -> str:
@@ -315,42 +298,20 @@ def _stated_unit(heading: str) -> str:
     return stated if stated in UNITS else ""
 
 
-def _has(sheet: Sheet, names: Sequence[str]) -> bool:
-    return all(name in sheet.names for name in names)
-
-
 def _frame_numbers(paths: Sequence[Path]) -> IntArray:
     """The frame numbers: the group of digits that differs between the file names."""
     groups = [re.findall(r"\d+", path.stem) for path in paths]
     count = min(map(len, groups), default=0)
     if any(len(group) != count for group in groups) or not count:
-        raise InputError(
-            paths[0], "and the others have names with different numbers", cure="end them alike: img_0012.csv"
-        )
+        message = "and the others have names with different numbers"
+        raise InputError(paths[0], message, cure="end them alike: img_0012.csv")
     changing = [i for i in range(count) if len({int(group[i]) for group in groups}) == len(groups)]
     varied = [i for i in range(count) if len({int(group[i]) for group in groups}) > 1]
     place = [count - 1] if len(groups) == 1 else changing
     if len(place) != 1 or (len(groups) > 1 and varied != place):
-        raise InputError(
-            paths[0],
-            "and the others have no single number that differs from file to file",
-            cure="name them by frame: img_0012.csv",
-        )
+        message = "and the others have no single number that differs from file to file"
+        raise InputError(paths[0], message, cure="name them by frame: img_0012.csv")
     return np.array([int(group[place[0]]) for group in groups], dtype=np.int64)
-
-
-def _point_index(files: Sequence[_File]) -> dict[object, int]:
-    """Every point that occurs in a frame -> its index."""
-    by_row = isinstance(files[0].keys[0], int) if files[0].keys else True
-    lengths = {len(file.keys) for file in files}
-    if by_row and len(lengths) > 1:
-        raise InputError(
-            files[0].path,
-            f"and the others have {min(lengths)} to {max(lengths)} rows and nothing that identifies the "
-            "points",
-            cure="export the points' numbers or places in the picture too",
-        )
-    return {key: i for i, key in enumerate(dict.fromkeys(key for file in files for key in file.keys))}
 
 
 def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:

@@ -1,8 +1,7 @@
 """Excel workbooks (.xlsx, and .xls of Excel 97 to 2003): the stored values of one sheet, without formulas.
 
 openpyxl reads the rows of .xlsx one by one. python-calamine is used for the old .xls, in a child process: it
-first stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the
-process.
+first stores a sheet as a full rectangle. A cell at XFD1048576 then crashes the process.
 """
 
 import math
@@ -84,9 +83,8 @@ def _lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str
 def _title(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
     """The title of the declared sheet or of the only sheet with data."""
     if wanted is not None and wanted not in titles:
-        raise InputError(
-            path, f"has no sheet '{wanted}'; its sheets are {list(titles)}", cure="correct sheet"
-        )
+        message = f"has no sheet '{wanted}'; its sheets are {list(titles)}"
+        raise InputError(path, message, cure="correct sheet")
     if wanted is not None:
         return wanted
     if len(filled) != 1:
@@ -114,17 +112,11 @@ def _check_archive(path: Path) -> None:
                     while block := stream.read(1 << 20):
                         total += len(block)
                         if total > UNPACKED_LIMIT:
-                            raise InputError(
-                                path,
-                                f"unpacks to more than {UNPACKED_LIMIT / 1e6:.0f} MB",
-                                cure="export the record as CSV",
-                            )
+                            message = f"unpacks to more than {UNPACKED_LIMIT / 1e6:.0f} MB"
+                            raise InputError(path, message, cure="export the record as CSV")
                         if any(word in before + block for word in _DECLARATIONS):
-                            raise InputError(
-                                path,
-                                f"declares XML entities in {part.filename}",
-                                cure="save it again in Excel",
-                            )
+                            message = f"declares XML entities in {part.filename}"
+                            raise InputError(path, message, cure="save it again in Excel")
                         before = block[-20:]
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as error:
         raise _damaged(path, error) from None
@@ -148,11 +140,8 @@ def _excel(path: Path, wanted: str | None) -> tuple[str, str, list[tuple[object,
         rows: list[tuple[object, ...]] = []
         for row in sheets[title].iter_rows(values_only=True):
             if len(rows) == ROWS_LIMIT:
-                raise InputError(
-                    path,
-                    f"sheet '{title}' has more than {ROWS_LIMIT} rows, more than a sheet can have",
-                    cure="save it again in Excel, or as CSV",
-                )
+                message = f"sheet '{title}' has more than {ROWS_LIMIT} rows, more than a sheet can have"
+                raise InputError(path, message, cure="save it again in Excel, or as CSV")
             rows.append(row[:COLUMNS_LIMIT])
         return sha256, title, rows
     except InputError:

@@ -20,6 +20,7 @@ from kolsky.readers.contents import (
     array_clock,
     check_samples,
     file_hash,
+    find_column,
     head_of,
     stated_clock,
 )
@@ -54,12 +55,9 @@ def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
     rows = max((array.samples for array in arrays), default=0)
     columns = [array for array in arrays if array.samples == rows]
     if not 0 < rows * len(columns) <= TABLE_LIMIT:
-        raise InputError(
-            path,
-            f"has {rows * len(columns)} numbers in arrays of equal length",
-            allowed=f"1 to {TABLE_LIMIT}",
-            cure="save the columns of the table as plain arrays of equal length",
-        )
+        message = f"has {rows * len(columns)} numbers in arrays of equal length"
+        cure = "save the columns of the table as plain arrays of equal length"
+        raise InputError(path, message, allowed=f"1 to {TABLE_LIMIT}", cure=cure)
     values = np.column_stack([array.values() for array in columns]).tolist()
     return ["\t".join(a.name for a in columns), *("\t".join(map(repr, row)) for row in values)]
 
@@ -75,21 +73,11 @@ def array_channels(
     ``scalars``: its single numbers, by name. ``layout``: the declared layout. Raises InputError if there is
     nothing to read, or if a declared array of times is missing.
     """
-    by_name = {array.name: array for array in arrays}
-    stated = layout.time
-    wanted = (
-        [str(t) for t in stated.values()] if isinstance(stated, Mapping) else [str(stated)] if stated else []
-    )
-    wanted = [name if name in by_name else f"/{name}" for name in wanted]
-    for name in wanted:
-        if name not in by_name:
-            names = ", ".join(f"'{array}'" for array in list(by_name)[:20])
-            raise InputError(
-                path,
-                f"has no array '{name.removeprefix('/')}' of times; it has {names}",
-                cure="correct time in the layout",
-            )
-    times = wanted or [array.name for array in arrays if _last(array.name) in ("t", "time", "times")]
+    by_name, stated = {array.name: array for array in arrays}, layout.time
+    names, cure = list(by_name), "correct time in the layout"
+    said = stated.values() if isinstance(stated, Mapping) else [] if stated is None else [stated]
+    found = [find_column(path, names, str(one), "array", purpose=" of times", cure=cure) for one in said]
+    times = [names[i] for i in found] or [name for name in names if _last(name) in ("t", "time", "times")]
     signals = [array for array in arrays if array.name not in times]
     if not signals:
         raise InputError(path, "holds no array of numbers but times", cure="save the signals as plain arrays")
@@ -140,7 +128,7 @@ def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: Header
     def fault(message: str, sample: int | None, cure: str) -> InputError:
         return InputError(path, message, cure=cure)
 
-    clock = array_clock(values, name=array.name, fault=fault, interval=header.interval, source=header.source)
+    clock = array_clock(values, header, name=array.name, fault=fault)
     words = clock.source if layout.time_unit or array.unit else f"{clock.source}, taken as seconds"
     start = clock.start if layout.start is None else layout.start
     measured = None if clock.measured is None else clock.measured + (start - clock.start)
@@ -248,10 +236,8 @@ class Inside:
         unit = next(filter(None, units), None)
         for name, samples, column in columns_of(full, item.shape):
             if item.size > SAMPLES_LIMIT:
-                raise self._refused(
-                    f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
-                    "export the time span of the test only",
-                )
+                message = f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read"
+                raise self._refused(message, "export the time span of the test only")
             values = partial(_values, self.path, full, column, own)
             self.arrays.append(NamedArray(name, samples, values, unit, own))
 
@@ -277,9 +263,8 @@ def inside(path: Path) -> Inside:
         with h5py.File(regular(path), "r") as file:
             found.group(file)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise InputError(
-            path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
-        ) from None
+        message = f"is not an HDF5 file that can be read ({error})"
+        raise InputError(path, message, cure="copy or export it again") from None
     return found
 
 
@@ -291,8 +276,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file. The name of a channel is its path, "/scope/CH1".
 
-    Raises InputError if the file is damaged or not HDF5, if it has too many objects, or if a dataset is in
-    another file.
+    Raises InputError if it is damaged or not HDF5, if it has too many objects, or a dataset in another file.
     """
     sha256 = file_hash(path)
     found = _some_arrays(path)

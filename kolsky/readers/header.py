@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, SHOT_KINDS, dimension_of, unit_factor
@@ -30,7 +31,6 @@ _WORDS = {
 }  # fmt: skip
 _BASES = {"V": "V", "s": "s", "N": "N", "Pa": "Pa", "A": "A", "C": "C", "ε": "1", "m/s": "m/s"}
 _PLAIN = {"1": ("1", 1.0), "-": ("1", 1.0), "%": ("1", 1e-2), "m/s^2": ("m/s^2", 1.0), "m/s²": ("m/s^2", 1.0)}
-_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
@@ -43,8 +43,7 @@ _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)"
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
 )
-"""Units that the end of any heading may have. For times, only units of time are allowed. CH_A is not a
-current."""
+"""Units that the end of any heading may have, of times only those of time. CH_A is not a current."""
 _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
 """Beginnings of units of force and stress that testing machines print and `_BASES` lacks."""
 
@@ -131,12 +130,9 @@ def time_factor(path: Path, unit: str | None, what: str) -> float:
         raise InputError(path, f"{what} has no unit", cure='declare it in the layout: time_unit = "s"')
     known = si_unit(unit)
     if known is None or known[0] != "s":
-        raise InputError(
-            path,
-            f"{what} has the unit '{unit}'",
-            allowed='a unit of time: "s", "ms", "us", "ns"',
-            cure='declare it in the layout: time_unit = "s"',
-        )
+        message = f"{what} has the unit '{unit}'"
+        allowed = 'a unit of time: "s", "ms", "us", "ns"'
+        raise InputError(path, message, allowed=allowed, cure='declare it in the layout: time_unit = "s"')
     return known[1]
 
 
@@ -257,7 +253,7 @@ def clock_unit(text: str) -> tuple[str, float] | None:
 def _clock_key(text: str) -> tuple[str, str | None]:
     """The bare key of a header line, and the clock's unit at its end: "dt [ms]", "dt/ms", "fs_kHz"."""
     key = text.strip().rstrip(":=").strip()
-    for pattern in (_BRACKETS, _SLASH, _KEY_TAIL):
+    for pattern in (_BRACKETED, _SLASH, _KEY_TAIL):
         match = full_match(pattern, key)
         if match is not None and clock_unit(match.group(2)) is not None:
             return bare_key(match.group(1)), match.group(2)
@@ -303,9 +299,8 @@ def header_clock(
                 start, start_key = stated.number * factor, key
             continue
         if stated.number <= 0.0:
-            raise InputError(
-                path, f"says {key} = {stated.number:g}", allowed="> 0", cure="state the interval"
-            )
+            message = f"says {key} = {stated.number:g}"
+            raise InputError(path, message, allowed="> 0", cure="state the interval")
         quantity = stated.number * factor
         interval = 1.0 / quantity if kind == "1/s" else quantity
         intervals.append((key, interval, 0.5 * interval * stated.digit / stated.number))
@@ -383,11 +378,8 @@ def _of_channel(
     chosen = values[0]
     if any(value.number != chosen.number for value in values):
         if len(values) != channels:
-            raise InputError(
-                path,
-                f"says {key} = {', '.join(f'{v.number:g}' for v in values)} for {channels} channels",
-                cure="state interval and start in the layout",
-            )
+            message = f"says {key} = {', '.join(f'{v.number:g}' for v in values)} for {channels} channels"
+            raise InputError(path, message, cure="state interval and start in the layout")
         chosen = values[channel]
     if chosen.digit != chosen.digit:
         return f"{key} = {fields[0][:60]} may have a decimal sign or one between thousands"
@@ -476,8 +468,7 @@ def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]
 
     They are separate columns, or have the form "tInc = 2e-9".
 
-    ``dialect``: division of lines into fields. ``lines``: the line of the names and, if present, the line of
-    the units.
+    ``dialect``: division of lines into fields. ``lines``: that of the names and, if present, of the units.
     """
     rows = [dialect.split(line) for line in lines]
     metadata: dict[str, list[str]] = {}
@@ -497,17 +488,12 @@ def names_by_key(
     units: tuple[str | None, ...],
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
     """Names and units from header lines with a key (Yokogawa: TraceName, VUnit)."""
-    named, measured = list(names), list(units)
+    found: dict[str, list[Any]] = {"tracename": list(names), "vunit": list(units)}
     for key, fields in metadata.items():
-        bare = bare_key(key)
-        if bare not in ("tracename", "vunit") or len(fields) != len(columns):
-            continue
-        for column, field in zip(columns, fields, strict=True):
-            if bare == "tracename":
-                named[column] = field
-            else:
-                measured[column] = field
-    return tuple(named), tuple(measured)
+        if bare_key(key) in found and len(fields) == len(columns):
+            for column, field in zip(columns, fields, strict=True):
+                found[bare_key(key)][column] = field
+    return tuple(found["tracename"]), tuple(found["vunit"])
 
 
 def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
@@ -522,14 +508,9 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
     """Check that no line has too few fields. Raises InputError with the number of the line."""
-    for number, line in enumerate(lines):
+    for number, line in enumerate(lines, start=1):
         fields = line.count(separator) + 1
         if fields < least:
-            last = number == len(lines) - 1
-            raise InputError(
-                path,
-                f"has {fields} fields, {least} are needed"
-                + ("; the file seems to be cut off" if last else ""),
-                line=number + 1,
-                cure="copy or export the file again",
-            )
+            cut = "; the file seems to be cut off" if number == len(lines) else ""
+            message = f"has {fields} fields, {least} are needed{cut}"
+            raise InputError(path, message, line=number, cure="copy or export the file again")

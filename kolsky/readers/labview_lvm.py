@@ -26,25 +26,17 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the one segment of a file.
 
-    Raises InputError if a header has no end, if there are no samples or several segments, or if X_Columns is
-    none of the three.
+    Raises InputError for a header without end, no samples, several segments, or another X_Columns.
     """
     sha256, lines, encoding = read_text(path, layout)
     ends = [i for i, line in enumerate(lines) if line.strip().startswith(_END)]
     if len(ends) < 2:
-        raise InputError(
-            path,
-            f"has {len(ends)} lines {_END}, a file with samples has two",
-            line=len(lines),
-            cure="the file is cut off; copy or export it again",
-        )
+        message = f"has {len(ends)} lines {_END}, a file with samples has two"
+        raise InputError(path, message, line=len(lines), cure="the file is cut off; copy or export it again")
     if len(ends) > 2:
-        raise InputError(
-            path,
-            "has a second segment",
-            line=ends[2] + 1,
-            cure="save each record in a separate file; one segment is read",
-        )
+        message = "has a second segment"
+        cure = "save each record in a separate file; one segment is read"
+        raise InputError(path, message, line=ends[2] + 1, cure=cure)
     separator = "," if "Separator,Comma" in (line.strip() for line in lines[: ends[0]]) else "\t"
     file_keys, segment_keys = (
         keys_beside([line.split(separator) for line in part])
@@ -54,8 +46,28 @@ def read(path: Path, layout: Layout) -> Contents:
     decimal = (file_keys.get("Decimal_Separator") or ["."])[0] or ","
     if ends[1] + 2 >= len(lines):
         raise InputError(path, "has a header but no data", line=len(lines), cure="export it again")
-    names, columns, times = _columns(path, lines[ends[1] + 1], separator, file_keys, count, ends[1] + 2)
-    rows = [_without_comment(line, separator, len(names)) for line in lines[ends[1] + 2 :]]
+    headings = [part.strip() for part in lines[ends[1] + 1].split(separator)]
+    kind = (file_keys.get("X_Columns") or ["One"])[0]
+    times: tuple[int, ...] = ()
+    if kind == "One":
+        columns, times = range(1, count + 1), (0,)
+    elif kind == "Multi":
+        columns, times = range(1, 2 * count, 2), tuple(range(0, 2 * count, 2))
+    elif kind == "No":  # in most files the column of times exists, but is empty
+        empty = int(headings[0] == "X_Value")
+        columns = range(empty, count + empty)
+    else:
+        raise InputError(path, f"says X_Columns = {kind}", allowed="No, One or Multi", cure="export it again")
+    width = columns[-1] + 1
+    if len(headings) < width:
+        message = f"names {len(headings)} columns, the header announces {width}"
+        cure = "the file is damaged or cut off; copy or export it again"
+        raise InputError(path, message, line=ends[1] + 2, cure=cure)
+    names = tuple(name or str(i + 1) for i, name in enumerate(headings[:width]))
+    rows = []
+    for parts in (line.split(separator) for line in lines[ends[1] + 2 :]):
+        parts = parts[:width] if len(parts) == width + 1 else parts  # without a last column of comments
+        rows.append(separator.join(part.strip() for part in parts))
     units = [*segment_keys.get("Y_Unit_Label", []), *[None] * count]
     metadata = {**file_keys}
     for key, fields in segment_keys.items():
@@ -85,39 +97,3 @@ def read(path: Path, layout: Layout) -> Contents:
         facts=facts,
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )
-
-
-def _columns(
-    path: Path, line: str, separator: str, keys: dict[str, list[str]], count: int, number: int
-) -> tuple[tuple[str, ...], tuple[int, ...], tuple[int, ...]]:
-    """Names of all columns, the columns of the channels and those of the times, counted from 0."""
-    kind = (keys.get("X_Columns") or ["One"])[0]
-    names = [part.strip() for part in line.split(separator)]
-    times: tuple[int, ...] = ()
-    columns: tuple[int, ...]
-    if kind == "One":
-        width, columns, times = count + 1, tuple(range(1, count + 1)), (0,)
-    elif kind == "Multi":
-        width, columns, times = 2 * count, tuple(range(1, 2 * count, 2)), tuple(range(0, 2 * count, 2))
-    elif kind == "No":
-        # In most files the column of times exists, but is empty.
-        empty = names[0] == "X_Value"
-        width, columns = count + empty, tuple(range(int(empty), count + empty))
-    else:
-        raise InputError(path, f"says X_Columns = {kind}", allowed="No, One or Multi", cure="export it again")
-    if len(names) < width:
-        raise InputError(
-            path,
-            f"names {len(names)} columns, the header announces {width}",
-            line=number,
-            cure="the file is damaged or cut off; copy or export it again",
-        )
-    return tuple(name or str(i + 1) for i, name in enumerate(names[:width])), columns, times
-
-
-def _without_comment(line: str, separator: str, width: int) -> str:
-    """A line of samples without the last column of comments. Most lines do not have this column."""
-    parts = line.split(separator)
-    if len(parts) == width + 1:
-        parts = parts[:width]
-    return separator.join(part.strip() for part in parts)

@@ -7,10 +7,10 @@ interval [s]. The samples follow [V]. After https://github.com/lanl/HopPyBar (BS
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, Contents, check_samples, head_of
+from kolsky.readers.contents import Contents, head_of
 from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.layout import Layout
-from kolsky.readers.sheet import Sheet
+from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
 
@@ -27,57 +27,22 @@ def read(path: Path, layout: Layout) -> Contents:
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count("\t") + 1
     if fields < 3 or len(lines) < 5:
-        raise InputError(
-            path,
-            f"has {fields} columns and {len(lines)} lines; two of metadata and a signal are needed",
-            line=1,
-            cure="is it a .raw file of this make? if not, give its format in the layout",
-        )
+        message = f"has {fields} columns and {len(lines)} lines; two of metadata and a signal are needed"
+        cure = "is it a .raw file of this make? if not, give its format in the layout"
+        raise InputError(path, message, line=1, cure=cure)
     check_width(path, lines, "\t", fields)
-    table = [line.split("\t") for line in lines[:3]]
-    names = tuple(name.strip() or str(i + 1) for i, name in enumerate(table[0]))
+    keys, clock = keys_beside([line.split("\t")[:2] for line in lines]), {}
     dialect = Dialect("\t", ".", fields, tuple(range(2, fields)))
-    sheet = Sheet(path, dialect, lines[3:], 4, names, ("",) * 2 + ("V",) * (fields - 2))
-    check_samples(path, names[2], len(sheet.rows))
-    return Contents(
-        path=path,
-        sha256=sha256,
-        channels=tuple(_channel(sheet, table, column, layout) for column in range(2, fields)),
-        facts={"format": "lanl", "encoding": encoding, "delimiter": "tab", "decimal": ".", "header": "1"},
-        metadata={
-            key: ", ".join(values)
-            for key, values in keys_beside([line.split("\t")[:2] for line in lines]).items()
-        },
-    )
-
-
-def _channel(sheet: Sheet, table: list[list[str]], column: int, layout: Layout) -> Channel:
-    def clock() -> Clock:
-        numbers = [_number(sheet, table[line][column], line + 1, column) for line in (1, 2)]
-        start = numbers[0] if layout.start is None else layout.start
-        interval = numbers[1] if layout.interval is None else layout.interval
-        if not interval > 0.0:
-            raise InputError(sheet.path, f"has the interval {interval:g} s", line=3, allowed="> 0 s")
-        stated = layout.start is not None or layout.interval is not None
-        return Clock(start, interval, "lines 2 and 3" + (" and as stated" if stated else ""))
-
-    return Channel(
-        name=sheet.names[column],
-        number=column + 1,
-        unit="V",
-        samples=len(sheet.rows),
-        values=lambda: sheet.numbers(column),
-        clock=clock,
-        place=lambda sample: sheet.first_line + sample,
-    )
-
-
-def _number(sheet: Sheet, text: str, line: int, column: int) -> float:
-    if not sheet.dialect.is_number(text.strip()):
-        raise InputError(
-            sheet.path,
-            f"column '{sheet.names[column]}' is not a number: '{text[:60]}'",
-            line=line,
-            cure="line 2 holds the time of the first sample, line 3 the interval, both in seconds",
-        )
-    return float(text)
+    names = tuple(name or str(i + 1) for i, name in enumerate(dialect.split(lines[0])))
+    for number, key in ((2, "X0"), (3, "Delta_X")):
+        clock[key] = dialect.split(lines[number - 1])[2:]
+        for name, text in zip(names[2:], clock[key], strict=True):
+            if not dialect.is_number(text):
+                message = f"column '{name}' is not a number: '{text[:60]}'"
+                cure = "line 2 holds the time of the first sample, line 3 the interval, both in seconds"
+                raise InputError(path, message, line=number, cure=cure)
+    sheet = Sheet(path, dialect, lines[3:], 4, names, (None, None) + ("V",) * (fields - 2), clock)
+    channels = SignalTable(sheet, layout, ()).channels()
+    facts = {"format": "lanl", "encoding": encoding, "delimiter": "tab", "decimal": ".", "header": "1"}
+    metadata = {key: ", ".join(values) for key, values in keys.items()}
+    return Contents(path=path, sha256=sha256, channels=channels, facts=facts, metadata=metadata)

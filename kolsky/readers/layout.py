@@ -54,5 +54,4 @@ class Layout:
     unit: str | None = None
     """Unit of the samples, e.g. "mV"."""
     full_scale: float | None = None
-    """Largest magnitude that the recorder can record, in the SI unit of the samples. Without it, clipping is
-    detected by a flat top of the signal."""
+    """Largest magnitude of the recorder, in the samples' SI unit; None: a flat top is clipping."""

@@ -4,8 +4,7 @@ Objects, functions, cells and structures are not opened. Save the signals as pla
 PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
 
 SciPy reads versions 5 to 7 in a separate process (`kolsky.readers.child`), because damaged files can crash
-it. Six series of up to 400 files, each with three random bytes changed, ended in a segmentation fault or a
-bus error.
+it. Files with three random bytes changed ended in a segmentation fault or a bus error.
 """
 
 import re
@@ -116,8 +115,5 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
 def _damaged(path: Path, error: str) -> InputError:
     head = head_of(path, 200)
     text = head.count(0) == 0 and not head.startswith(b"MATLAB")
-    return InputError(
-        path,
-        f"is not a .mat file that can be read ({error})",
-        cure="it seems to be text: rename it to end in .csv" if text else "copy it again; it may be cut off",
-    )
+    cure = "it seems to be text: rename it to end in .csv" if text else "copy it again; it may be cut off"
+    return InputError(path, f"is not a .mat file that can be read ({error})", cure=cure)

@@ -53,19 +53,15 @@ def read_frame_table(
 
     ``frame``, ``time``: their columns. ``columns``: the other columns to read; None is left out. ``clock``:
     True if the times must increase. ``points``: True if a frame may have several rows. Raises InputError if
-    the file is not such a table, if a frame number is not whole, or if numbers do not increase (with
-    ``points``: decrease).
+    the file is not such a table, if a frame number is not whole, or for numbers out of order.
     """
     table = read_table(path, layout=layout)
     numbers = table.integers(frame)
     back = np.flatnonzero(np.diff(numbers) < 0)
     if points and back.size:
         row = int(back[0]) + 1
-        raise table.error(
-            f"column '{frame.name}' is not sorted: {numbers[row]} after {numbers[row - 1]}",
-            row=row,
-            cure="export the points frame by frame",
-        )
+        message = f"column '{frame.name}' is not sorted: {numbers[row]} after {numbers[row - 1]}"
+        raise table.error(message, row=row, cure="export the points frame by frame")
     if not points:
         table.check_increasing(frame, numbers)
     times = np.empty(0) if time is None else table.values(time)
@@ -203,9 +199,6 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -
         problem = "has no unit" if text is None else f"is in {text!r}"
         sample = example.split(" ", 1)[1]
         option = f"{wanted.option} '{sample}'" if wanted.option else f"--unit '{channel.name}={sample}'"
-        raise InputError(
-            path,
-            f"column '{channel.name}' for the {quantity} {problem}",
-            allowed=f"in a unit of {words}",
-            cure=f"declare it: {option}",
-        ) from None
+        message = f"column '{channel.name}' for the {quantity} {problem}"
+        allowed = f"in a unit of {words}"
+        raise InputError(path, message, allowed=allowed, cure=f"declare it: {option}") from None

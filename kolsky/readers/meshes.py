@@ -42,16 +42,14 @@ class MeshFile:
     cell_groups: dict[str, IntArray]
     """Cells in each named group of cells."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, as in these
-    programs: from 1 in Gmsh files, from 0 in VTU files."""
+    """Number of each cell among all of the file, shape [m]: from 1 in Gmsh files, from 0 in VTU files."""
     sha256: str
 
 
 def read_mesh(path: Path, *, dimension: int) -> MeshFile:
     """Read a mesh: Gmsh 2 or 4.1 (.msh), or VTK's XML (.vtu).
 
-    Groups are Gmsh's physical groups. In a VTU file, they are masks in the point data with names that begin
-    with "set:".
+    Groups are Gmsh's physical groups. In a VTU file, they are masks "set:NAME" in the point data.
 
     ``dimension``: 2 for a sheet in the plane z = 0, 3 for a body. Raises InputError if the file cannot be
     read, if it has no elements of this dimension or several kinds of them, or if a sheet is not flat.
@@ -61,9 +59,8 @@ def read_mesh(path: Path, *, dimension: int) -> MeshFile:
     data = read_bytes(path, limit=MESH_SIZE_LIMIT)
     reader = {".msh": meshio.gmsh.read, ".vtu": meshio.vtu.read}.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
-            path, f"ends in {path.suffix!r}", allowed=".msh, .vtu", cure="save it as one of them"
-        )
+        message = f"ends in {path.suffix!r}"
+        raise InputError(path, message, allowed=".msh, .vtu", cure="save it as one of them")
     try:
         _check_elements(data)
         found = reader(str(path))
@@ -72,9 +69,8 @@ def read_mesh(path: Path, *, dimension: int) -> MeshFile:
         cure = "save it again: MSH of Gmsh 2 or 4.1, or VTU"
         raise InputError(path, f"cannot be read as a mesh: {words}", cure=cure) from None
     except (OSError, EOFError, SyntaxError, struct.error, zlib.error) as error:
-        raise InputError(
-            path, f"cannot be read as a mesh: {error}", cure="save it again: is it cut?"
-        ) from None
+        message = f"cannot be read as a mesh: {error}"
+        raise InputError(path, message, cure="save it again: is it cut?") from None
     kinds = sorted({block.type for block in found.cells if block.dim == dimension})
     if len(kinds) != 1 or kinds[0] not in KINDS[dimension]:
         raise InputError(

@@ -84,12 +84,9 @@ def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
 def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
     """Check that a channel is not constant."""
     if np.ptp(values) == 0.0:
-        raise InputError(
-            path,
-            f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples",
-            line=channel.place(0),
-            cure="is it the right channel, and was it connected?",
-        )
+        message = f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples"
+        cure = "is it the right channel, and was it connected?"
+        raise InputError(path, message, line=channel.place(0), cure=cure)
 
 
 def check_unclipped(
@@ -194,8 +191,17 @@ def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
 
     Raises InputError if the file cannot be read.
     """
-    contents = read_contents(path, layout=layout)
-    return [_info(contents, channel) for channel in contents.channels]
+    contents, found = read_contents(path, layout=layout), []
+    for channel in contents.channels:
+        start, interval = None, None
+        try:
+            clock = _clock(contents, channel)
+            start, interval, words = clock.start, clock.interval, clock.source
+        except InputError as error:
+            words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"
+        said = channel.name, channel.number, channel.unit, channel.samples
+        found.append(ChannelInfo(*said, start, interval, words, contents.facts, contents.metadata))
+    return found
 
 
 def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
@@ -203,7 +209,15 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
 
     Raises InputError if the file cannot be read, or if its format is unknown.
     """
-    _check_layout(path, layout)
+    if layout.format is not None and layout.format not in FORMATS:
+        message = f"is declared to have the format '{layout.format}'"
+        raise InputError(path, message, allowed=f"one of {', '.join(FORMATS)}")
+    if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
+        raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
+    if layout.start is not None and not np.isfinite(layout.start):
+        raise InputError(path, f"is declared to start at {layout.start} s", allowed="finite")
+    if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
+        raise InputError(path, f"is declared to have the full scale {layout.full_scale}", allowed="> 0")
     if layout.format is not None:
         return FORMATS[layout.format].read(path, layout)
     if not path.is_file():
@@ -222,24 +236,8 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
             cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or declare "
             'format = "delimited" in a layout',
         )
-    raise InputError(
-        path,
-        "is of no known format",
-        cure=f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}",
-    )
-
-
-def _check_layout(path: Path, layout: Layout) -> None:
-    if layout.format is not None and layout.format not in FORMATS:
-        raise InputError(
-            path, f"is declared to have the format '{layout.format}'", allowed=f"one of {', '.join(FORMATS)}"
-        )
-    if layout.interval is not None and not 0.0 < layout.interval < float("inf"):
-        raise InputError(path, f"is declared with the interval {layout.interval} s", allowed="> 0 s")
-    if layout.start is not None and not np.isfinite(layout.start):
-        raise InputError(path, f"is declared to start at {layout.start} s", allowed="finite")
-    if layout.full_scale is not None and not 0.0 < layout.full_scale < float("inf"):
-        raise InputError(path, f"is declared to have the full scale {layout.full_scale}", allowed="> 0")
+    cure = f"is it the right file? if so, give its format in a layout: {', '.join(FORMATS)}"
+    raise InputError(path, "is of no known format", cure=cure)
 
 
 def _find(contents: Contents, wanted: str) -> Channel:
@@ -292,19 +290,14 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
     """SI unit and factor of a channel."""
     text = layout.unit if layout.unit is not None else channel.unit
     if text is None:
-        raise InputError(
-            contents.path,
-            f"does not state the unit of channel '{channel.name}'",
-            cure='give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
-        )
+        cure = 'give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...'
+        raise InputError(contents.path, f"does not state the unit of channel '{channel.name}'", cure=cure)
     known = si_unit(text)
     if known is None:
-        raise InputError(
-            contents.path,
-            f"channel '{channel.name}' has the unit '{text}'",
-            allowed='a unit such as "V", "mV", "N", "Pa", "strain"',
-            cure='declare it in the layout: unit = "mV"',
-        )
+        message = f"channel '{channel.name}' has the unit '{text}'"
+        allowed = 'a unit such as "V", "mV", "N", "Pa", "strain"'
+        cure = 'declare it in the layout: unit = "mV"'
+        raise InputError(contents.path, message, allowed=allowed, cure=cure)
     return known
 
 
@@ -319,24 +312,3 @@ def _clock(contents: Contents, channel: Channel) -> Clock:
             cure="state start and interval in the layout",
         )
     return clock
-
-
-def _info(contents: Contents, channel: Channel) -> ChannelInfo:
-    try:
-        clock = _clock(contents, channel)
-    except InputError as error:
-        start, interval = None, None
-        words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"
-    else:
-        start, interval, words = clock.start, clock.interval, clock.source
-    return ChannelInfo(
-        name=channel.name,
-        number=channel.number,
-        unit=channel.unit,
-        samples=channel.samples,
-        start=start,
-        interval=interval,
-        time=words,
-        facts=contents.facts,
-        metadata=contents.metadata,
-    )

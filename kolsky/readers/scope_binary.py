@@ -32,8 +32,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises InputError if RigolWFM is missing, if the manufacturer is unknown, or if the file is damaged, cut
-    off or declares XML entities.
+    Raises InputError if RigolWFM is missing, or if the file is unknown, damaged, cut off or declares XML
+    entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
@@ -45,11 +45,8 @@ def read(path: Path, layout: Layout) -> Contents:
     _check_yokogawa(path)
     waveform, problem = _parsed(path)
     if problem:
-        raise InputError(
-            path,
-            f"is not a scope's file that can be read ({problem})",
-            cure="is it complete? if so, export the record as CSV",
-        )
+        message = f"is not a scope's file that can be read ({problem})"
+        raise InputError(path, message, cure="is it complete? if so, export the record as CSV")
     if not waveform.channels:
         raise InputError(path, "has no analogue channel", cure="export a channel")
     facts = {
@@ -85,9 +82,13 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     header = channel.waveform.header
     volts = np.asarray(channel.volts, dtype=np.float64)
     name = str(channel.name).replace(" ", "")
+    unit = str(getattr(channel.unit, "name", "")).upper()  # V, A, W or "unknown"
     samples = volts.size
     check_samples(path, name, samples)
-    _check_count(path, name, header, samples)
+    promised = getattr(header, "n_pts", samples)  # the library does not always check it
+    if isinstance(promised, int) and samples < promised:
+        message = f"channel '{name}' ends after {samples} of {promised} samples"
+        raise InputError(path, message, cure="the file is cut off; copy it again")
 
     def clock() -> Clock:
         start = float(channel.times[0]) if layout.start is None else layout.start
@@ -96,7 +97,9 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         shown = float(channel.times[1] - channel.times[0])
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
-        interval = _shortest(float(own if own is not None else header.seconds_per_point))
+        interval = float(own if own is not None else header.seconds_per_point)
+        if float(single := np.float32(interval)) == interval:
+            interval = float(str(single))  # stored in single precision: the shortest decimal number
         # For some manufacturers, RigolWFM distributes n time steps over n - 1 intervals.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
@@ -110,34 +113,11 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
     return Channel(
         name=name,
         number=channel.channel_number,
-        unit=_unit(channel),
+        unit=unit if unit in ("V", "A") else None,
         samples=samples,
         values=lambda: volts,
         clock=clock,
     )
-
-
-def _shortest(interval: float) -> float:
-    """An interval stored in single precision, as the shortest decimal number with that value."""
-    single = np.float32(interval)
-    return float(str(single)) if float(single) == interval else interval
-
-
-def _unit(channel: Any) -> str | None:
-    """The unit of a channel. The library gives volts, amperes, watts or "unknown"."""
-    name = str(getattr(channel.unit, "name", "")).upper()
-    return name if name in ("V", "A") else None
-
-
-def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
-    """Check the length of a record against its header. The library does not always check it."""
-    promised = getattr(header, "n_pts", samples)
-    if isinstance(promised, int) and samples < promised:
-        raise InputError(
-            path,
-            f"channel '{name}' ends after {samples} of {promised} samples",
-            cure="the file is cut off; copy it again",
-        )
 
 
 def _check_curve(path: Path) -> None:
@@ -152,11 +132,8 @@ def _check_curve(path: Path) -> None:
         raise InputError(path, "has no curve", cure="the file is cut off; copy or export it again")
     there = path.stat().st_size - (mark + 2 + digits)
     if there < int(count):
-        raise InputError(
-            path,
-            f"ends after {there} of {int(count)} bytes of its curve",
-            cure="it is cut off; copy it again",
-        )
+        message = f"ends after {there} of {int(count)} bytes of its curve"
+        raise InputError(path, message, cure="it is cut off; copy it again")
 
 
 def _check_yokogawa(path: Path) -> None:

@@ -64,8 +64,8 @@ class Sheet:
         """The numbers of a column in the unit of the file, shape [n].
 
         ``column``: index of the column, counted from 0. ``gaps``: True if NaN is allowed, as in tables with
-        lost points. Raises InputError if a line has another number of fields than the first, or if a field is
-        not a finite number.
+        lost points. Raises InputError for another number of fields than in the first line, or a field that is
+        no finite number.
         """
         self.check_fields()
         rows: Sequence[str] = self.rows
@@ -77,7 +77,13 @@ class Sheet:
         try:
             numbers = np.loadtxt(rows, delimiter=delimiter, usecols=column, comments=None, ndmin=1)
         except ValueError as error:
-            raise self._first_bad_number(column, str(error)) from None
+            for row in range(len(self.rows)):  # the fast method does not tell which number is bad
+                text = self.dialect.split(self.rows[row])[column]
+                if not self.dialect.is_number(text):
+                    message = f"column '{self.names[column]}' is not a number: '{text[:60]}'"
+                    raise self.error(message, row, cure_of(text)) from None
+            message = f"column '{self.names[column]}' cannot be read: {error}"
+            raise self.error(message, None, "export again") from None
         bad = np.flatnonzero(~(np.abs(numbers) <= LARGEST_SAMPLE) & ~(np.isnan(numbers) & gaps))
         if bad.size:
             row = int(bad[0])
@@ -124,73 +130,46 @@ class Sheet:
             self._checked.append(True)
             return
         for number, row in enumerate(self.rows):
-            if character == " ":
-                fields = len(row.split())
-            elif '"' in row:
-                fields = len(self.dialect.split(row))
-            else:
-                fields = row.count(character) + 1
+            fields = len(self.dialect.split(row))
             if fields == count and row.strip():
                 continue
-            last = number == len(self.rows) - 1
+            last, cure = number == len(self.rows) - 1, "correct the line or export again"
+            if not row.strip():
+                cure = "is there a second table below? keep one table in a file, without empty lines"
+            elif fields == 2 * count and character == ",":
+                cure = "are the commas decimal signs too? export with semicolons between the columns"
+            elif last:
+                cure = "copy or export the file again, without remarks below the numbers"
             raise self.error(
                 f"has {fields} fields, {self.counted} {count}"
                 + ("; the file seems to be cut off" if last and fields < count else "")
                 if row.strip()
                 else "is an empty line between samples",
                 number,
-                self._cure_of_fields(fields, row, last),
+                cure,
             )
         self._checked.append(True)
 
-    def _cure_of_fields(self, fields: int, row: str, last: bool) -> str:
-        """The advice for a line with a wrong number of fields."""
-        if not row.strip():
-            return "is there a second table below? keep one table in a file, without empty lines"
-        if fields == 2 * self.dialect.fields and self.dialect.delimiter == ",":
-            return "are the commas decimal signs too? export with semicolons between the columns"
-        return (
-            "copy or export the file again, without remarks below the numbers"
-            if last
-            else "correct the line or export again"
-        )
 
-    def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """The error for the first bad number, found line by line after the fast method failed."""
-        for row in range(len(self.rows)):
-            text = self.dialect.split(self.rows[row])[column]
-            if not self.dialect.is_number(text):
-                return self.error(
-                    f"column '{self.names[column]}' is not a number: '{text[:60]}'", row, cure_of(text)
-                )
-        return self.error(f"column '{self.names[column]}' cannot be read: {fallback}", None, "export again")
-
-
-def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
+def _first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
     """Index of the first line of samples: the declared one, else the first that has their form."""
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
-            raise InputError(
-                path, f"first_line = {layout.first_line}", allowed=f"in [1, {len(lines)}], the file's lines"
-            )
+            message = f"first_line = {layout.first_line}"
+            raise InputError(path, message, allowed=f"in [1, {len(lines)}], the file's lines")
         return layout.first_line - 1
     above = max(layout.header_line or 0, layout.units_line or 0)
     for index in range(above, len(lines)):
         if dialect.is_samples(lines[index]):
             return index
-    raise InputError(
-        path, "has a header but no data", line=len(lines), cure="export it again, or declare first_line"
-    )
+    message = "has a header but no data"
+    raise InputError(path, message, line=len(lines), cure="export it again, or declare first_line")
 
 
-def names_and_units(
+def _heading_lines(
     path: Path, lines: Sequence[str], first: int, dialect: Dialect, layout: Layout
-) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
-    """Names and units of the columns, their source, and the indices of their lines (from 0).
-
-    The names are on the last line above the samples with as many fields, or above it if it has only units.
-    Raises InputError if a declared line does not fit, or if the line is a damaged line of samples.
-    """
+) -> tuple[int, int]:
+    """Indices of the lines of names (the last with as many fields as the samples) and of units, or -1."""
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
     if not fitting and first:
         _check_decimal_commas(path, lines, first, dialect)
@@ -198,12 +177,9 @@ def names_and_units(
     for stated in (layout.header_line, layout.units_line):
         if stated and stated - 1 not in fitting:
             found = len(dialect.split(lines[stated - 1])) if stated <= first else 0
-            raise InputError(
-                path,
-                f"has {found} fields here, the samples below have {dialect.fields}",
-                line=stated,
-                cure="correct header_line and units_line in the layout",
-            )
+            message = f"has {found} fields here, the samples below have {dialect.fields}"
+            cure = "correct header_line and units_line in the layout"
+            raise InputError(path, message, line=stated, cure=cure)
     units_line = -1 if layout.units_line is None else layout.units_line - 1
     if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]], len(fitting) > 1):
         units_line = fitting[-1] if layout.header_line != fitting[-1] + 1 else -1
@@ -214,20 +190,7 @@ def names_and_units(
             _check_heading(path, dialect, lines[header_line], header_line)
     else:
         header_line = layout.header_line - 1
-    count = dialect.fields
-    headings = _cells(dialect, lines[header_line]) if header_line >= 0 else [""] * count
-    split = [split_unit(heading) for heading in headings]
-    headings += [""] * (count - len(headings))
-    names = tuple(heading or str(i + 1) for i, heading in enumerate(headings))
-    units: list[str | None] = [unit for _, unit in split]
-    if units_line >= 0:
-        for i, text in enumerate(_cells(dialect, lines[units_line])):
-            plain = text.strip("()[] ")
-            units[i] = plain if plain and not dialect.is_number(plain) else units[i]
-    facts = {"header": str(header_line + 1) if header_line >= 0 else "none; columns have numbers"}
-    if units_line >= 0:
-        facts["units"] = str(units_line + 1)
-    return names, tuple(units), facts, {i for i in (header_line, units_line) if i >= 0}
+    return header_line, units_line
 
 
 def _cells(dialect: Dialect, line: str) -> list[str]:
@@ -257,12 +220,9 @@ def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect:
     names = [cell for cell in dialect.split(lines[first - 1]) if cell]
     twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
     if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
-        raise InputError(
-            path,
-            f"has {dialect.fields} numbers between commas, and {len(names)} names",
-            line=first + 1,
-            cure="are the commas decimal signs too? export with semicolons between the columns",
-        )
+        message = f"has {dialect.fields} numbers between commas, and {len(names)} names"
+        cure = "are the commas decimal signs too? export with semicolons between the columns"
+        raise InputError(path, message, line=first + 1, cure=cure)
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
@@ -293,12 +253,9 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
         )
     if numbers and not all(text.isdecimal() for text in numbers):
         wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
-        raise InputError(
-            path,
-            f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}",
-            line=number + 1,
-            cure="correct the line, or give header_line in the layout",
-        )
+        message = f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}"
+        cure = "correct the line, or give header_line in the layout"
+        raise InputError(path, message, line=number + 1, cure=cure)
 
 
 LONGEST_HEADER = 5000
@@ -329,27 +286,33 @@ def find_table(
     dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal, word=word)
     if dialect.delimiter == " ":
         lines = [line.strip() for line in lines]
-    first = first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
+    first = _first_samples(path, lines, replace(dialect, empty=()) if sparse else dialect, layout)
     if first > LONGEST_HEADER:
-        raise InputError(
-            path,
-            f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read",
-            line=first + 1,
-            cure="is it the right file? if so, export the samples alone",
-        )
+        message = f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read"
+        cure = "is it the right file? if so, export the samples alone"
+        raise InputError(path, message, line=first + 1, cure=cure)
     above = [uncommented(line, layout.comment) for line in lines[:first]]
-    names, units, facts, headings = names_and_units(path, above, first, dialect, layout)
+    header_line, units_line = _heading_lines(path, above, first, dialect, layout)
+    headings = _cells(dialect, above[header_line]) if header_line >= 0 else []
+    headings += [""] * (dialect.fields - len(headings))
+    units = [split_unit(heading)[1] for heading in headings]
+    facts = {"header": str(header_line + 1) if header_line >= 0 else "none; columns have numbers"}
+    if units_line >= 0:
+        facts["units"] = str(units_line + 1)
+        for i, text in enumerate(_cells(dialect, above[units_line])):
+            plain = text.strip("()[] ")
+            units[i] = plain if plain and not dialect.is_number(plain) else units[i]
     return FoundTable(
         path=path,
         dialect=dialect,
         rows=lines[first:],
         first_line=first + 1,
-        names=names,
-        units=units,
+        names=tuple(heading or str(i + 1) for i, heading in enumerate(headings)),
+        units=tuple(units),
         word=word,
         above=above,
         facts=facts,
-        headings=headings,
+        headings={i for i in (header_line, units_line) if i >= 0},
     )
 
 
@@ -379,8 +342,10 @@ class SignalTable:
 
         Raises InputError if there are fewer samples than the header declares, too many, or too few.
         """
-        sheet = self.sheet
-        self._check_count()
+        sheet, rows, promised = self.sheet, len(self.sheet.rows), stated_samples(self.sheet.metadata)
+        if promised is not None and rows < promised[1]:
+            message = f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}"
+            raise sheet.error(message, rows - 1, "the file is cut off; copy or export it again")
         columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *self.counts)]
         if not columns:
             raise sheet.error("has a time column but no signal", None, "export a channel, or correct time")
@@ -430,16 +395,7 @@ class SignalTable:
                 )
             return stated_clock(interval, start, header.source)
         values, digit = self._times(number)
-        return column_clock(
-            values,
-            digit,
-            name=sheet.names[number],
-            fault=sheet.error,
-            interval=interval,
-            tolerance=header.interval_digit,
-            start=start,
-            source=header.source,
-        )
+        return column_clock(values, digit, header, name=sheet.names[number], fault=sheet.error)
 
     def _first_time(self, header: HeaderClock) -> float | None:
         """Time of the first sample [s]; a count that does not begin at 1 is the number of missing samples."""
@@ -450,11 +406,8 @@ class SignalTable:
         steps = np.flatnonzero(np.diff(count) != 1.0)
         if steps.size:
             row = int(steps[0]) + 1
-            raise sheet.error(
-                f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}",
-                row,
-                "export every sample once, in order",
-            )
+            message = f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}"
+            raise sheet.error(message, row, "export every sample once, in order")
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
@@ -486,30 +439,19 @@ class SignalTable:
         return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
-        """The unit of a time column: declared, in the header, or part of its name ("seconds")."""
+        """The unit of a time column: declared, in the header, of its name, or by the header's interval."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
         said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
-        return said or self._unit_by_interval(number)
-
-    def _unit_by_interval(self, number: int) -> str | None:
-        """Seconds, if the column's steps equal the header's interval in seconds; otherwise None."""
-        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
-        if header.interval is None or rows < FEWEST_STEPS:
+        if said or rows < FEWEST_STEPS:
+            return said
+        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
+        if header.interval is None:
             return None
+        # seconds, if the column's steps equal the header's interval in seconds
         first, last = (float(self.sheet.field(number, row)) for row in (0, rows - 1))
         return "s" if abs((last - first) / (rows - 1) / header.interval - 1.0) < SAME_STEP else None
-
-    def _check_count(self) -> None:
-        promised = stated_samples(self.sheet.metadata)
-        rows = len(self.sheet.rows)
-        if promised is not None and rows < promised[1]:
-            raise self.sheet.error(
-                f"ends after {rows} samples; its header promises {promised[0]} = {promised[1]}",
-                rows - 1,
-                "the file is cut off; copy or export it again",
-            )
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
@@ -523,12 +465,10 @@ def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
     elif stated is not None:
         times = (sheet.column(stated, "time column"),)
     else:
-        times = tuple(i for i in sheet.dialect.numeric if _is_time(sheet.names[i], sheet.units[i]))
+        columns = [(i, sheet.names[i], sheet.units[i]) for i in sheet.dialect.numeric]
+        times = tuple(
+            i
+            for i, name, unit in columns
+            if (full_match(_TIME_NAME, split_unit(name)[0]) if unit is None else "s" in (si_unit(unit) or ()))
+        )
     return SignalTable(sheet, layout, times)
-
-
-def _is_time(name: str, unit: str | None) -> bool:
-    if unit is not None:
-        known = si_unit(unit)
-        return known is not None and known[0] == "s"
-    return full_match(_TIME_NAME, split_unit(name)[0]) is not None

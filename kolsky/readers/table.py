@@ -114,38 +114,34 @@ class Table(Sheet):
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
 
-        Raises InputError if the column is missing or its name is repeated, or if a value is not finite or
-        is outside its bound.
+        Raises InputError if the column is missing or repeated, or if a value is not finite or out of bound.
         """
         index = self.index(column)
         if self.dialect.decimal == ",":
-            self._check_no_points(column, index)
+            # points could only separate thousands beside decimal commas
+            for row, text in enumerate(self.rows):
+                if "." in text and "." in (written := self.dialect.split(text)[index]):
+                    message = f"column '{column.name}' is not a number: '{written[:60]}'"
+                    raise self.error(message, row=row, cure=cure_of(written))
         numbers = self.numbers(index)
         least = float(numbers.min()) if column.bound else 1.0
         if least < 0.0 or (least == 0.0 and column.bound == "> 0"):
             row = int(np.argmin(numbers))
-            raise self.error(
-                f"column '{column.name}' is '{self.field(index, row)}'; it must be {column.bound}",
-                row=row,
-                cure=column.cure,
-            )
+            message = f"column '{column.name}' is '{self.field(index, row)}'; it must be {column.bound}"
+            raise self.error(message, row=row, cure=column.cure)
         return np.asarray(numbers * column.factor, dtype=np.float64)
 
     def integers(self, column: Column) -> IntArray:
         """A column of whole numbers (frame numbers), shape [n_rows].
 
-        Raises InputError for the reasons of `values`, and if a number is not whole or is too large to be
-        exact.
+        Raises InputError as `values`, and if a number is not whole or is too large to be exact.
         """
         numbers = self.values(column)
         bad = np.flatnonzero((numbers != np.floor(numbers)) | (np.abs(numbers) > 2**53))
         if bad.size:
             row = int(bad[0])
-            raise self.error(
-                f"column '{column.name}' is not a frame number: '{self.field(self.index(column), row)}'",
-                row=row,
-                cure="frame numbers are whole; are two columns swapped?",
-            )
+            message = f"column '{column.name}' is not a frame number: '{self.field(self.index(column), row)}'"
+            raise self.error(message, row=row, cure="frame numbers are whole; are two columns swapped?")
         return numbers.astype(np.int64)
 
     def printed_digit(self, column: Column) -> float:
@@ -185,16 +181,6 @@ class Table(Sheet):
             "order",
         )
 
-    def _check_no_points(self, column: Column, index: int) -> None:
-        """Check that there are no points, which could only separate thousands beside decimal commas."""
-        for row, text in enumerate(self.rows):
-            if "." in text and "." in (written := self.dialect.split(text)[index]):
-                raise self.error(
-                    f"column '{column.name}' is not a number: '{written[:60]}'",
-                    row=row,
-                    cure=cure_of(written),
-                )
-
     def index(self, column: Column) -> int:
         """The index of a column, see `find_column`."""
         cure = f"correct the column's name in the shot file ({self.division})"
@@ -204,8 +190,7 @@ class Table(Sheet):
 def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     """Read a text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
-    A text is UTF-8 with commas, decimal points and one header line, unless another layout is declared or
-    detected.
+    A text has commas, decimal points and one header line, unless another layout is declared or detected.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, comment sign of header lines, header
     line and first line. Defaults are UTF-8, a comma, a point, the first line and the line after it. None: a
@@ -213,7 +198,11 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     read (see `kolsky.readers.text`) or has no data. The same error is raised if a line is empty or has
     another number of fields than the header, or if the layout is impossible or does not fit.
     """
-    source = _source(path)
+    source: Any = None  # the format of a workbook or a file of arrays; None for text
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        check_name(path)
+    else:
+        source = next((form for form in (EXCEL, EXCEL_97, matlab, hdf5) if form.sniff(path)), None)
     if source is not None:
         named = layout or Layout()
         sha256, lines = source.table_lines(path, named.sheet)
@@ -222,15 +211,19 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         layout = replace(named, encoding=None, delimiter="tab", decimal=".")
     else:
         if layout is not None and layout.sheet is not None:
-            raise InputError(
-                path, f"is declared with the sheet '{layout.sheet}', and it is text", cure="leave sheet out"
-            )
+            message = f"is declared with the sheet '{layout.sheet}', and it is text"
+            raise InputError(path, message, cure="leave sheet out")
         data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
         layout = layout or detect_layout(path, data)
         text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
         lines = lines_of(path, text, strict=True)
-    dialect = _dialect(path, layout)
+    delimiter = declared_delimiter(path, layout.delimiter or "comma")
+    decimal = declared_decimal(path, layout.decimal or ".")
+    if delimiter == decimal:
+        message = f"is declared to have {decimal!r} as delimiter and as decimal sign"
+        raise InputError(path, message, cure='give the other one too, e.g. delimiter = ";"')
+    dialect = Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
     header_line = 1 if layout.header_line is None else layout.header_line
     first = layout.first_line or max(header_line, layout.units_line or 0) + 1
     for name, line in (("header_line", header_line), ("first_line", first)):
@@ -281,27 +274,6 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
             find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
         raise
     return table
-
-
-def _source(path: Path) -> Any:
-    """The format of a workbook or a file of arrays. None for text."""
-    if path.suffix.lower() in TEXT_SUFFIXES:
-        check_name(path)
-        return None
-    return next((form for form in (EXCEL, EXCEL_97, matlab, hdf5) if form.sniff(path)), None)
-
-
-def _dialect(path: Path, layout: Layout) -> Dialect:
-    """The declared delimiter and decimal sign, without columns. Quotes are handled only with a layout."""
-    delimiter = declared_delimiter(path, layout.delimiter or "comma")
-    decimal = declared_decimal(path, layout.decimal or ".")
-    if delimiter == decimal:
-        raise InputError(
-            path,
-            f"is declared to have {decimal!r} as delimiter and as decimal sign",
-            cure='give the other one too, e.g. delimiter = ";"',
-        )
-    return Dialect(delimiter, decimal, 0, (), quoted=layout is not PLAIN)
 
 
 def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:

@@ -29,8 +29,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all numeric channels. The name of a channel is "group/channel".
 
-    Raises InputError if npTDMS is missing, if the file is damaged or its last segment is cut off, or if it
-    has no numeric channel.
+    Raises InputError if npTDMS is missing, or if the file is damaged, cut off or without a numeric channel.
     """
     try:
         from nptdms import TdmsFile
@@ -53,18 +52,17 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, "ends inside a segment", cure="the file is cut off; copy it again")
     numeric = [entry for entry in found if np.dtype(entry[3]).kind in "fiu" and entry[1] > 0]
     if not numeric:
-        raise InputError(
-            path,
-            f"has no numeric channel; it has {[name for name, *_ in found][:20]}",
-            cure="save the record again",
-        )
+        message = f"has no numeric channel; it has {[name for name, *_ in found][:20]}"
+        raise InputError(path, message, cure="save the record again")
     times = [name for name, *_ in numeric if name == layout.time]
     if layout.time is not None and not times:
         raise InputError(path, f"has no channel '{layout.time}'", cure="correct time in the layout")
     _check_joined(path, waveforms)
-    begins = [waveforms[name][0].begin for name, *_ in numeric if name in waveforms]
+    begins = {name: waveforms[name][0].begin for name, *_ in numeric if waveforms.get(name)}
+    # delay of each channel with a declared time after the earliest channel of the file [s]
+    delays = {name: max(_since(begin, one) for one in begins.values()) for name, begin in begins.items()}
     channels = [
-        _channel(path, name, number, samples, properties, layout, _delay(waveforms.get(name), begins))
+        _channel(path, name, number, samples, properties, layout, delays.get(name))
         for number, (name, samples, properties, _) in enumerate(numeric, start=1)
         if name not in times
     ]
@@ -89,11 +87,8 @@ def _channel(
             times = NamedArray(str(layout.time), samples, lambda: _values(path, str(layout.time)))
             return clock_of_array(path, times, layout, header)
         if header.interval is None:
-            raise InputError(
-                path,
-                f"channel '{name}' has no wf_increment",
-                cure='declare in the layout interval = "100 ns"',
-            )
+            message = f"channel '{name}' has no wf_increment"
+            raise InputError(path, message, cure='declare in the layout interval = "100 ns"')
         start, source = header.start, header.source
         if delay is not None and layout.start is None:
             start, source = (start or 0.0) + delay, f"{source}, wf_start_time"
@@ -188,13 +183,6 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
                     f"{gap:.6g} s later than wf_increment gives",
                     cure="save every waveform in a separate channel or file",
                 )
-
-
-def _delay(waveforms: list[_Waveform] | None, begins: list[Any]) -> float | None:
-    """Delay of a channel after the earliest channel of the file [s]. None without a declared time."""
-    if not waveforms:
-        return None
-    return max(_since(waveforms[0].begin, begin) for begin in begins)
 
 
 def _values(path: Path, name: str) -> FloatArray:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import read_bytes
@@ -18,8 +19,7 @@ ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "
 """Encodings that may be declared. The first three and cp1252 are also detected."""
 
 LONGEST_FIELD = 200
-"""Longest field in which a name and a unit are searched [characters]. No heading is longer. The time of a
-search grows with a power of the length."""
+"""Longest field searched for name and unit [characters]; the time grows with a power of the length."""
 LONGEST_PAIR = 4000
 """Longest line of a header in which a key and its values are searched [characters]."""
 
@@ -45,16 +45,12 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     is not valid UTF-8 is cp1252, the code page of Windows in western Europe and America.
 
     ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to detect
-    it. Raises InputError if the encoding is unknown or if a byte is invalid in it. The message gives line and
-    offset.
+    it. Raises InputError with line and offset if it is unknown or a byte invalid in it.
     """
     if encoding is not None and encoding not in ENCODINGS:
-        raise InputError(
-            path,
-            f"is declared to be encoded as '{encoding}'",
-            allowed=f"one of {', '.join(ENCODINGS)}",
-            cure="leave encoding out: UTF-8, UTF-16 and cp1252 are found",
-        )
+        message = f"is declared to be encoded as '{encoding}'"
+        cure = "leave encoding out: UTF-8, UTF-16 and cp1252 are found"
+        raise InputError(path, message, allowed=f"one of {', '.join(ENCODINGS)}", cure=cure)
     mark, marked = next(((m, name) for m, name in _MARKS if data.startswith(m)), (b"", None))
     body = data[len(mark) :]
     if encoding is not None:
@@ -76,12 +72,8 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
         ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(
-            path,
-            "has a zero byte: it is not a text, or was cut off",
-            line=line,
-            cure="copy it again, or give its format in the layout",
-        )
+        message = "has a zero byte: it is not a text, or was cut off"
+        raise InputError(path, message, line=line, cure="copy it again, or give its format in the layout")
     return text, words
 
 
@@ -111,12 +103,9 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
         raise InputError(path, "is empty", cure="export it again")
     broken = next((number for number, line in enumerate(lines, start=1) if "\r" in line), None)
     if broken is not None:
-        raise InputError(
-            path,
-            "has a carriage return inside the line",
-            line=broken,
-            cure="end lines with a line feed (Unix) or with both (Windows)",
-        )
+        message = "has a carriage return inside the line"
+        cure = "end lines with a line feed (Unix) or with both (Windows)"
+        raise InputError(path, message, line=broken, cure=cure)
     return _quoted_commas_apart(_whole_lines_unquoted(lines))
 
 
@@ -156,16 +145,12 @@ def _whole_lines_unquoted(lines: list[str]) -> list[str]:
     ]
 
 
-@dataclass(frozen=True)
-class Delimiter:
-    """A separator of the fields of a line."""
+class Delimiter(NamedTuple):
+    """A separator of the fields of a line: its name in a layout, character, and name in messages."""
 
     name: str
-    """Its name in a layout."""
     character: str
-    """The character. A layout may also give the character."""
     plural: str
-    """Its name in messages."""
 
 
 BLANKS = Delimiter("blanks", " ", "blanks")
@@ -200,47 +185,30 @@ _REMARK_CURE = (
     "are there remarks, a mean or a second table below the numbers? keep the lines of one table; else "
     "correct the line"
 )
-_CURES = tuple(
-    (re.compile(pattern, re.IGNORECASE), cure)
-    for pattern, cure in (
-        (
-            r"",
-            "the field is empty: give its value, or leave the line out; a formula that was never calculated "
-            "is empty too: open the workbook and save it",
-        ),
-        (
-            r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?",
-            "it marks a missing value: leave the line out, or export without gaps",
-        ),
-        (
-            r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*",
-            "it is a date or a time of day: export seconds as plain numbers (a spreadsheet makes dates of "
-            "numbers such as 3.4)",
-        ),
-        (
-            r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f'’.,]\d{3})+(?:[.,]\d+)?",
-            "it has signs between thousands, or another decimal sign than the other numbers: export numbers "
-            "without the former and with one decimal sign",
-        ),
-        (
-            r"[+-]?\d*[.,]\d+(?:e[+-]?\d+)?",
-            "its decimal sign is not that of the other numbers: export all with one decimal sign; in a "
-            "workbook, make numbers of the cells that are text",
-        ),
-        (r"[+-]?[\d.,]+d[+-]?\d+", "write the exponent with E, not with D"),
-        (r"[−–]\s*[\d.,].*", "its minus sign is a longer dash: export with the plain sign -"),
-        (
-            r"[+-]?[\d.,]+\s*[^\W\d_%°]?[%°]?[^,;]{0,12}",
-            "export numbers without a unit behind them: it belongs in the heading",
-        ),
-    )
-)
+_CURES = {
+    r"": "the field is empty: give its value, or leave the line out; a formula that was never calculated is "
+    "empty too: open the workbook and save it",
+    r"[-–—*?.#]+|n\.?/?a\.?|null|none|over(?:flow|load)?|under(?:flow)?": "it marks a missing value: leave "
+    "the line out, or export without gaps",
+    r"\d{1,4}([-./])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d.*": "it is a date or a time of day: export "
+    "seconds as plain numbers (a spreadsheet makes dates of numbers such as 3.4)",
+    r"[+-]?[1-9]\d{0,2}(?:[ \u00a0\u202f'’.,]\d{3})+(?:[.,]\d+)?": "it has signs between thousands, or "
+    "another decimal sign than the other numbers: export numbers without the former and with one decimal "
+    "sign",
+    r"[+-]?\d*[.,]\d+(?:e[+-]?\d+)?": "its decimal sign is not that of the other numbers: export all with "
+    "one decimal sign; in a workbook, make numbers of the cells that are text",
+    r"[+-]?[\d.,]+d[+-]?\d+": "write the exponent with E, not with D",
+    r"[−–]\s*[\d.,].*": "its minus sign is a longer dash: export with the plain sign -",
+    r"[+-]?[\d.,]+\s*[^\W\d_%°]?[%°]?[^,;]{0,12}": "export numbers without a unit behind them: it belongs in "
+    "the heading",
+}
 """Pattern of a field that is not a number -> the advice. The first match is used."""
 
 
 def cure_of(field: str) -> str:
     """The advice for a field that should be a number but is not."""
-    return next((cure for form, cure in _CURES if full_match(form, field) is not None), _REMARK_CURE)
+    forms = ((re.compile(pattern, re.IGNORECASE), cure) for pattern, cure in _CURES.items())
+    return next((cure for form, cure in forms if full_match(form, field) is not None), _REMARK_CURE)
 
 
 @dataclass(frozen=True)
@@ -331,15 +299,16 @@ def find_dialect(
         dialects = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
     several = [d for d in dialects if d.fields > 1] or dialects
     if delimiter is not None and dialects and dialects[0].fields == 1:
-        better = _better_delimiter(filled, characters[0])
+        pairs = [
+            (d.character, sign) for d in DELIMITERS for sign in ".," if d.character not in (*characters, sign)
+        ]
+        tried = (_columns(filled, *other) for other in pairs)
+        better = next((one for one in tried if one is not None and one.fields > 1), None)
         if better is not None:
             name = better.facts["delimiter"]
-            raise InputError(
-                path,
-                f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}",
-                line=len(lines),
-                cure=f'declare delimiter = "{name}", or leave it out',
-            )
+            message = f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}"
+            cure = f'declare delimiter = "{name}", or leave it out'
+            raise InputError(path, message, line=len(lines), cure=cure)
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)
     # max() returns the first of equal items, in the order of `DELIMITERS`.
@@ -451,17 +420,6 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
             if field and not best.is_number(field):
                 return i + 1, field
     return len(lines), lines[-1]
-
-
-def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
-    """The dialect of the lines with another delimiter than the declared one."""
-    for character in (d.character for d in DELIMITERS):
-        for decimal in (".", ","):
-            if character not in (stated, decimal):
-                dialect = _columns(lines, character, decimal)
-                if dialect is not None and dialect.fields > 1:
-                    return dialect
-    return None
 
 
 def declared_delimiter(path: Path, value: str) -> str:

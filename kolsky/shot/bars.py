@@ -87,11 +87,9 @@ def _with_reflected(
     layout = recorder.as_layout(full_scale=gauge.full_scale)
     pulse = read_recordings(incident.path, [name], layout=layout)[name]
     if pulse.unit != incident.unit:
-        raise file.error(
-            f"{key}.channel",
-            f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}",
-            cure="both pulses come from one gauge: export them in one unit",
-        )
+        message = f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}"
+        cure = "both pulses come from one gauge: export them in one unit"
+        raise file.error(f"{key}.channel", message, cure=cure)
     first, interval = float(incident.time[0]), float(np.median(np.diff(incident.time)))
     place = (float(pulse.time[0]) + start - first) / interval
     row = round(place)
@@ -193,8 +191,7 @@ def load_waves(source: Source) -> WavesInput:
     """Load and check the input of `kolsky waves`.
 
     ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Raises
-    InputError if a file is missing or damaged. The same error is raised for unknown, incomplete or impossible
-    declarations.
+    InputError if a file is missing or damaged. Also for a wrong declaration.
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
@@ -202,11 +199,9 @@ def load_waves(source: Source) -> WavesInput:
     specimen = Specimen(**declared.specimen.model_dump())
     for side, bar in given.bars.items():
         if specimen.diameter > bar.diameter:
-            raise file.error(
-                "specimen.diameter",
-                "is wider than the bar, which loads only the area of its face",
-                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
-            )
+            message = "is wider than the bar, which loads only the area of its face"
+            allowed = f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm"
+            raise file.error("specimen.diameter", message, allowed=allowed)
     waves = declared.waves
     windows = None
     if waves.incident and waves.reflected and waves.transmitted:  # the schema requires all three
@@ -243,19 +238,16 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
         idle["reflected alignment"] = "two stations give the reflected wave on the clock of the incident wave"
     for key, why in idle.items():
         if switches.stated.get(key, False):
-            raise file.error(
-                "waves.corrections",
-                f"switches {key!r} on, which has no effect in this test: {why}",
-                cure="remove it" if two_stations or key != "separation" else "add [gauges.incident_far]",
-            )
+            message = f"switches {key!r} on, which has no effect in this test: {why}"
+            cure = "remove it" if two_stations or key != "separation" else "add [gauges.incident_far]"
+            raise file.error("waves.corrections", message, cure=cure)
     return switches
 
 
 def load_bars(source: Source) -> WavesInput:
     """Load and check the input of `kolsky wavespeed`: bars and gauges, no specimen.
 
-    The specimen of the result is a placeholder of zero length. It must not be used. Raises InputError as
-    `load_waves`.
+    The specimen of the result is a placeholder, not to be used. Raises InputError as `load_waves`.
     """
     file = parsed(source)
     return _waves_input(file, file.validated(BarsShotFile))
@@ -367,17 +359,11 @@ class CheckedBars:
         """SHA-256 of every file, by name."""
         return self.given.inputs
 
-    @property
-    def load(self) -> str:
-        """ "compression" or "tension"."""
-        return self.given.load
-
 
 def check_bars(source: Source) -> CheckedBars:
     """Read a shot between bars and find its pulses.
 
-    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals
-    contain no such test.
+    Raises InputError for a missing or damaged file, a wrong declaration, or signals without such a test.
     """
     file = parsed(source)
     given = load_waves(file)
@@ -421,9 +407,9 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
         ]
     for key, station in given.stations.items():
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
-        rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
+        rows += _gauge_rows(_shot_file_table(key), station, signal)
     rows += [
-        ("waves", "load", shot.load, ""),
+        ("waves", "load", given.load, ""),
         ("waves", "arrival at the incident gauge", shot.arrival.time, "s"),
         ("waves", "duration of the incident pulse", shot.arrival.end - shot.arrival.time, "s"),
     ]
@@ -434,17 +420,14 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
     for name in WAVES:
         first, last = getattr(shot.windows, name)
         rows.append(("waves", f"{name} window", f"{in_us(first)} to {in_us(last)}", ""))
-    rows += [("corrections", key, _switch_words(given, key), "") for key in CORRECTIONS]
+    for key in CORRECTIONS:
+        words = "on" if given.switches[key] else "off"
+        if key in NO_PART or (key == "separation" and FAR not in given.stations):
+            words = "no part in this test"
+        elif key == "radial inertia" and key not in given.switches.stated:
+            words = "on where the specimen is soft"
+        rows.append(("corrections", key, words, ""))
     return rows
-
-
-def _switch_words(given: WavesInput, key: str) -> str:
-    """State of a correction (on or off), in words."""
-    if key in NO_PART or (key == "separation" and FAR not in given.stations):
-        return "no part in this test"
-    if key == "radial inertia" and key not in given.switches.stated:
-        return "on where the specimen is soft"
-    return "on" if given.switches[key] else "off"
 
 
 def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:
@@ -452,6 +435,14 @@ def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -
     files = ", ".join(dict.fromkeys(r.path.name for r in station.recordings))
     signs = station.compression if isinstance(station.compression, tuple) else (station.compression,)
     interval = float(first.time[-1] - first.time[0]) / (first.time.size - 1)
+    known = station.calibration
+    if isinstance(known, Bridge):
+        calibration = (
+            f"bridge {known.kind}, {known.gauge_factor:g} at {known.excitation:g} V, gain {known.gain:g}"
+        )
+    else:
+        assert isinstance(known, Linear)  # there is no third kind
+        calibration = "strain in the file" if known.unit == "1" else f"{known.factor:g} 1/V"
     rows: list[Row] = [
         (section, "file", files, ""),
         (section, "channels", ", ".join(r.channel for r in station.recordings), ""),
@@ -463,7 +454,7 @@ def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -
         (section, "record end", float(first.time[-1]) + station.clock_offset, "s"),
         (section, "distance", station.position, "m"),
         (section, "compression", ", ".join("positive" if s > 0 else "negative" for s in signs), ""),
-        (section, "calibration", _calibration_rows(station), ""),
+        (section, "calibration", calibration, ""),
         (section, "baseline start", station.baseline[0], "s"),
         (section, "baseline end", station.baseline[1], "s"),
     ]
@@ -474,11 +465,3 @@ def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -
             (section, "noise of the strain", signal.strain.sigma, "1"),
         ]
     return rows
-
-
-def _calibration_rows(station: StationInput) -> str:
-    known = station.calibration
-    if isinstance(known, Bridge):
-        return f"bridge {known.kind}, {known.gauge_factor:g} at {known.excitation:g} V, gain {known.gain:g}"
-    assert isinstance(known, Linear)  # there is no third kind
-    return "strain in the file" if known.unit == "1" else f"{known.factor:g} 1/V"

@@ -1,7 +1,6 @@
 """Corrections: a shot with one input changed to its estimated value, or with a changed curve.
 
-Each change of the curve is one entry of `FORMS`: a function of the curve and an amount. The amount 0 returns
-the declared curve.
+Each change of the curve is one entry of `FORMS`: a function of the curve and an amount. Amount 0: no change.
 """
 
 from collections.abc import Callable, Mapping
@@ -101,13 +100,11 @@ def with_leak(shot: Shot, rate: float) -> Shot:
 
 
 PAST_END = 2.0
-"""An extended curve ends at this multiple of its last s = sqrt(I1 - 3). Specimens exceed the curve by less
-than this."""
+"""An extended curve ends at this multiple of its last s = sqrt(I1 - 3), beyond all specimens."""
 MORE_POINTS = 40
 """Number of points added past the last one."""
 SOFTEST = 0.02
-"""Smallest quotient past the last point, relative to the quotient at that point. No material law follows
-a curve that falls to zero."""
+"""Smallest quotient past the last point over that at the point. No law follows a curve that falls to zero."""
 FINEST = 4096
 """Number of stretches from which the stretch at a given s is interpolated."""
 

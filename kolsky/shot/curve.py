@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -119,12 +118,9 @@ def _modes(table: Table, section: ModeColumns) -> FloatArray:
     """All columns of common uncertainties (names with one prefix), shape [n_modes, n]."""
     names = [name for name in table.names if name.startswith(section.prefix)]
     if not 1 <= len(names) <= MOST_MODES:
-        raise InputError(
-            table.path,
-            f"{len(names)} columns begin with '{section.prefix}', 1 to {MOST_MODES} are read",
-            line=table.header_line,
-            cure="correct the beginning in the shot file, or leave it out",
-        )
+        message = f"{len(names)} columns begin with '{section.prefix}', 1 to {MOST_MODES} are read"
+        cure = "correct the beginning in the shot file, or leave it out"
+        raise InputError(table.path, message, line=table.header_line, cure=cure)
     return np.array([table.values(Column(name, section.unit)) for name in names])
 
 
@@ -132,76 +128,60 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
     """Check that the curve has one branch and one sign, and runs from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
-    _rows(
-        table,
-        np.abs(strain) > LARGEST_STRAIN,
-        strain,
-        f"the strain {{value:.6g}} is not a strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
-        _strain_cure(strain, section),
-    )
-    _rows(
-        table,
-        branch * strain < 0.0,
-        strain,
-        f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
-        f' "{section.branch}" and curve.convention "{section.convention}"',
-        "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
-    )
-    _rows(
-        table,
-        strain <= -1.0,
-        strain,
-        "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
-        "nominal strain is change of length over initial length; check curve.strain and its unit; of a "
-        "column of logarithmic (true) strain e declare exp(e) - 1",
-    )
-    _rows(
-        table,
-        strain * stress < 0.0,
-        stress,
-        "the stress {value:+.6g} Pa has the opposite sign of the strain",
-        "strain and stress follow one convention; correct the file's signs or remove points near rest",
-    )
-    _rows(
-        table,
-        (strain == 0.0) & (stress != 0.0),
-        stress,
-        "the stress is {value:+.6g} Pa at zero strain",
-        "subtract the preload or remove the row",
-    )
+    largest, doubt = float(np.abs(strain).max()), "is"
+    if section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN:
+        doubt = 'are they per cent? Then write curve.strain.unit = "%": '
+        doubt += f"the largest is {0.01 * largest:.4g}; or is"
     forward = np.sign(strain[-1] - strain[0])  # a file may as well begin at the largest strain
-    _rows(
-        table,
-        np.append(False, np.diff(strain) * forward <= 0.0),
-        strain,
-        "the strain does not move on from the line before: {value:.6g}",
-        "keep one loading ramp, smoothed or thinned so that every strain is new",
-    )
+    for bad, values, message, cure in (
+        (
+            np.abs(strain) > LARGEST_STRAIN,
+            strain,
+            "the strain {value:.6g} is not a strain of an elastomer; it must be in "
+            f"(-1, {LARGEST_STRAIN:g}]",
+            doubt + " curve.strain the right column?",
+        ),
+        (
+            branch * strain < 0.0,
+            strain,
+            f"the strain is in {other} ({{value:+.6g}} counted tension-positive), but curve.branch is"
+            f' "{section.branch}" and curve.convention "{section.convention}"',
+            "correct curve.convention or curve.branch in the shot file; one curve holds one branch",
+        ),
+        (
+            strain <= -1.0,
+            strain,
+            "the strain {value:.6g} would leave no length; it must be > -1 (tension-positive)",
+            "nominal strain is change of length over initial length; check curve.strain and its unit; of a "
+            "column of logarithmic (true) strain e declare exp(e) - 1",
+        ),
+        (
+            strain * stress < 0.0,
+            stress,
+            "the stress {value:+.6g} Pa has the opposite sign of the strain",
+            "strain and stress follow one convention; correct the file's signs or remove points near rest",
+        ),
+        (
+            (strain == 0.0) & (stress != 0.0),
+            stress,
+            "the stress is {value:+.6g} Pa at zero strain",
+            "subtract the preload or remove the row",
+        ),
+        (
+            np.append(False, np.diff(strain) * forward <= 0.0),
+            strain,
+            "the strain does not move on from the line before: {value:.6g}",
+            "keep one loading ramp, smoothed or thinned so that every strain is new",
+        ),
+    ):
+        rows = np.flatnonzero(bad)
+        if rows.size:
+            count = f" ({rows.size} such lines)" if rows.size > 1 else ""
+            line = table.first_line + int(rows[0])
+            raise InputError(table.path, message.format(value=values[rows[0]]) + count, line=line, cure=cure)
     if np.count_nonzero(strain) < SMALLEST_CURVE:
         raise InputError(
             table.path,
             f"has {np.count_nonzero(strain)} points away from rest; it must be at least {SMALLEST_CURVE}",
             cure="export the whole loading ramp",
-        )
-
-
-def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """The advice for strains that are too large: per cent if their size fits, otherwise another column."""
-    largest = float(np.abs(strain).max())
-    percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
-    return (
-        f'are they per cent? Then write curve.strain.unit = "%": the largest is {0.01 * largest:.4g}; or is'
-        if percent
-        else "is"
-    ) + " curve.strain the right column?"
-
-
-def _rows(table: Table, bad: NDArray[np.bool_], values: FloatArray, message: str, cure: str) -> None:
-    """Raise InputError for the first bad row; the message gives the number of bad rows."""
-    rows = np.flatnonzero(bad)
-    if rows.size:
-        row = int(rows[0])
-        count = f" ({rows.size} such lines)" if rows.size > 1 else ""
-        raise InputError(
-            table.path, message.format(value=values[row]) + count, line=table.first_line + row, cure=cure
         )

@@ -12,8 +12,7 @@ from kolsky.readers.recordings import list_channels
 from kolsky.shot.evidence import Evidence, Finding, entries, power_of_1000, unit_cure
 
 LARGEST_TABLE = 1_000_000
-"""Largest file that is read a second time to find its units [bytes]. Tables of points have tens of
-thousands."""
+"""Largest file read a second time for its units [bytes]. Tables of points have tens of thousands."""
 DENSITIES = (10.0, 25_000.0)
 """Smallest and largest density of a solid [kg/m^3]. Smaller values are gases, or numbers in g/cm^3 (up to
 10) declared as kg/m^3. Larger values exceed the densest metal (osmium, 22 600)."""
@@ -47,12 +46,9 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
         if size is None and not dimension_of(stated) and si_unit(stated) is None:
             continue  # not a unit but a remark
         if size is None:
-            yield e.finding(
-                f"{key}.unit",
-                f"is of another kind than the unit '{stated}' of the column '{heading}' in the file",
-                cure=f"is {key}.column the right column?",
-                contradiction=False,
-            )
+            message = f"is of another kind than the unit '{stated}' of the column '{heading}' in the file"
+            cure = f"is {key}.column the right column?"
+            yield e.finding(f"{key}.unit", message, cure=cure, contradiction=False)
             continue
         ratio = unit_factor(declared, kind) / size
         if abs(ratio - 1.0) > 1e-6:  # factors of units are exact, up to rounding
@@ -131,18 +127,12 @@ def check_channels(e: Evidence) -> Iterator[Finding]:
         return
     if isinstance(other, dict) and _voltage_column(other) == column:
         if other.get("file", force.get("file")) == force.get("file"):
-            yield e.finding(
-                "force.voltage",
-                f"is the column '{column}', which is incident_force.voltage too",
-                cure="name the channel behind the specimen",
-            )
+            message = f"is the column '{column}', which is incident_force.voltage too"
+            yield e.finding("force.voltage", message, cure="name the channel behind the specimen")
     elif any(word in column.lower() for word in OTHER_BAR):
-        yield e.finding(
-            "force.voltage",
-            f"is the column '{column}', whose heading is that of the other bar",
-            cure="name the channel behind the specimen, or correct the heading",
-            contradiction=False,
-        )
+        message = f"is the column '{column}', whose heading is that of the other bar"
+        cure = "name the channel behind the specimen, or correct the heading"
+        yield e.finding("force.voltage", message, cure=cure, contradiction=False)
 
 
 def _voltage_column(section: Any) -> str | None:
@@ -181,12 +171,9 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
         factor = power_of_1000((speed / 5000.0) ** 2)
     scaled = speed * (math.sqrt(factor) if si else factor)
     cure = unit_cure(e.file, key, si, factor) if si and low <= scaled <= high else ""
-    yield e.finding(
-        key,
-        f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which is not possible in a bar",
-        allowed=f"such that they run at {low:g} to {high:g} m/s",
-        cure=cure or "correct the number or its unit",
-    )
+    message = f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which is not possible in a bar"
+    allowed = f"such that they run at {low:g} to {high:g} m/s"
+    yield e.finding(key, message, allowed=allowed, cure=cure or "correct the number or its unit")
 
 
 def check_specimen_size(e: Evidence) -> Iterator[Finding]:
@@ -201,12 +188,9 @@ def check_specimen_size(e: Evidence) -> Iterator[Finding]:
         if not low <= size <= high:
             wrong = True
             factor = power_of_1000(size / (other if low <= other <= high else 0.01))
-            yield e.finding(
-                key,
-                f"is {1e3 * size:.6g} mm, which is not the size of a specimen",
-                allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm",
-                cure=unit_cure(e.file, key, "m", factor) or "correct the number or its unit",
-            )
+            message = f"is {1e3 * size:.6g} mm, which is not the size of a specimen"
+            cure = unit_cure(e.file, key, "m", factor) or "correct the number or its unit"
+            yield e.finding(key, message, allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm", cure=cure)
     slender = sizes["length"] / sizes["diameter"]
     if not wrong and not SLENDERNESS[0] <= slender <= SLENDERNESS[1]:
         yield e.finding(

@@ -95,9 +95,6 @@ def frames_to_show(session: Session) -> tuple[int, ...]:
     n = session.pictures.n_frames
     found = [k for k in dict.fromkeys((0, n // 2, n - 1)) if not isinstance(png_of(session.pictures, k), str)]
     if not found:
-        raise InputError(
-            session.path,
-            "has no frame of camera 0 that can be read",
-            cure="copy or export the pictures again",
-        )
+        message = "has no frame of camera 0 that can be read"
+        raise InputError(session.path, message, cure="copy or export the pictures again")
     return tuple(found)

@@ -27,6 +27,10 @@ LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
 """Factors of wrong lengths: radius for diameter, inches for millimetres, and prefixes."""
 
 
+Finding = tuple[InputError, bool]
+"""A finding of a rule as an error, and True for a contradiction, which rejects the shot, not a warning."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
     """The data of a shot that have been read so far. A rule without its data has no result."""
@@ -60,9 +64,9 @@ class Evidence:
 
     def finding(
         self, key: str, problem: str, *, cure: str, allowed: str | None = None, contradiction: bool = True
-    ) -> "Finding":
+    ) -> Finding:
         """The finding of a rule at a key."""
-        return Finding(self.file.error(key, problem, allowed=allowed, cure=cure), contradiction)
+        return self.file.error(key, problem, allowed=allowed, cure=cure), contradiction
 
 
 def entries(content: Mapping[str, Any], key: str = "") -> Iterator[tuple[str, Any]]:
@@ -82,16 +86,6 @@ def missing_files(file: TomlFile, names: Mapping[str, str]) -> list[InputError]:
         for key, place in places.items()
         if not place.exists()
     ]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A finding of a rule: a contradiction or a warning."""
-
-    error: InputError
-    """The key, its value and the contradicting values, as an error."""
-    contradiction: bool = True
-    """True if the shot is rejected, False for a warning."""
 
 
 def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float) -> float | None:

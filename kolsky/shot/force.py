@@ -34,17 +34,17 @@ def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatAr
     the frames; or if its baseline is not quiet.
     """
     section = toml.declared.force
-    recording = _force_recording(folder / section.file, section)
-    check_range(recording, section)
-    check_signal(recording, toml)
-    channel = _channel_of(recording, section)
+    channel = _channel_of(folder, section, "force")
+    check_signal(channel.recording, toml)
     gate(Evidence(file=toml, declared=toml.declared, frame_time=frame_time, force_time=channel.time))
     check_baseline(channel.baseline_volts(), rest, toml, last=float(frame_time[-1]))
     return channel
 
 
-def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
-    """A recording with the declared transducer, baseline and clock."""
+def _channel_of(folder: Path, section: ForceSection, key: str) -> ForceChannel:
+    """A recording within its range, with the declared transducer, baseline and clock."""
+    recording = _force_recording(folder / section.file, section)
+    check_range(recording, section, key)
     return ForceChannel(
         recording=recording,
         transducer=Transducer(
@@ -119,12 +119,9 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
     after = start > last
     elsewhere = f"a quiet span after the last frame at {in_us(last)}" if last < inf else "a quiet span"
     if end > rest and not after:
-        raise toml.error(
-            "force.baseline",
-            "overlaps the flyer's motion",
-            allowed=f"before the last static frame at {in_us(rest)}, or {elsewhere} (shot's clock)",
-            cure="end it earlier; where the record begins too late, name a quiet span after the test",
-        )
+        allowed = f"before the last static frame at {in_us(rest)}, or {elsewhere} (shot's clock)"
+        cure = "end it earlier; where the record begins too late, name a quiet span after the test"
+        raise toml.error("force.baseline", "overlaps the flyer's motion", allowed=allowed, cure=cure)
     if volts.size < SMALLEST_BASELINE:
         raise toml.error(
             "force.baseline",
@@ -148,11 +145,9 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             cure="name a span without force",
         )
     if np.ptp(volts) == 0.0:
-        raise toml.error(
-            "force.baseline",
-            f"holds the same value {volts[0]:.6g} V {volts.size} times, so the noise is unknown",
-            cure="is force.voltage the right column, and was the channel connected?",
-        )
+        message = f"holds the same value {volts[0]:.6g} V {volts.size} times, so the noise is unknown"
+        cure = "is force.voltage the right column, and was the channel connected?"
+        raise toml.error("force.baseline", message, cure=cure)
 
 
 def _halves(volts: FloatArray) -> FloatArray:
@@ -200,16 +195,12 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
     if declared is None:
         return None
     section = declared.completed(toml.declared.force)
-    recording = _force_recording(toml.path.parent / section.file, section)
-    check_range(recording, section, "incident_force")
-    channel = _channel_of(recording, section)
+    channel = _channel_of(toml.path.parent, section, "incident_force")
     if channel.baseline_volts().size < SMALLEST_BASELINE:
-        raise toml.error(
-            "incident_force.baseline",
-            f"holds {channel.baseline_volts().size} samples",
-            allowed=f"{SMALLEST_BASELINE} or more",
-            cure="widen it within the stretch before the test, on the shot's clock",
-        )
+        message = f"holds {channel.baseline_volts().size} samples"
+        cure = "widen it within the stretch before the test, on the shot's clock"
+        allowed = f"{SMALLEST_BASELINE} or more"
+        raise toml.error("incident_force.baseline", message, allowed=allowed, cure=cure)
     return channel
 
 
@@ -218,8 +209,7 @@ def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, 
 
     The pulse that accelerates the flyer ends before the flight, and the window begins at rest. The incident
     force within the window is therefore that of the specimen. ``span``: the window [s]. Raises InputError for
-    the reasons of `incident_channel`. The same error is raised if the recording does not cover the window, or
-    has another clock than [force].
+    the reasons of `incident_channel`. Also if the recording does not cover the window.
     """
     declared = toml.declared.incident_force
     if declared is None or not declared.compared:

@@ -79,8 +79,7 @@ class Change:
     Z_offset: float = 0.0
     """Increase of the points' distance from the axis [m]."""
     mirror: float = nan
-    """For heights that count down from the other end: height of that end minus the length at rest [m]. NaN
-    for heights that count up."""
+    """If heights count down from the other end: that end's height minus the length at rest [m]; else NaN."""
     film: float = 1.0
     """Factor on the times of all frames, counted from the shot's zero."""
     picture: float = 1.0
@@ -97,8 +96,7 @@ class Change:
     def then(self, other: Change) -> Change:
         """Both changes combined.
 
-        Parameters take the other's value. Factors multiply, lags and offsets add, and spreads add in
-        quadrature.
+        Parameters take the other's value. Factors multiply, the rest adds, spreads in quadrature.
         """
         factors = dict(self.specimen)
         for name, factor in other.specimen.items():
@@ -162,8 +160,7 @@ class Cause:
     step: float
     """Step of the coordinate for finite differences."""
     typical: float
-    """Usual standard uncertainty if none is declared, in the value's unit. It ranks causes that the data
-    cannot distinguish."""
+    """Usual standard uncertainty if none is declared, in the value's unit; it ranks causes that are alike."""
     mistakes: tuple[float, ...] = ()
     """Values of common mistakes, in the value's unit: a factor of two or ten, another definition."""
     allowance: float = 0.0
@@ -188,8 +185,7 @@ class Cause:
     declared: str = ""
     """Its key in [uncertainty], if there is one."""
     parameter: str = ""
-    """Name of the simulation parameter, if the input is one. Its fixed value is then the value without an
-    error."""
+    """Name of the simulation parameter, if the input is one; its held value then is that without an error."""
 
 
 @dataclass(frozen=True)

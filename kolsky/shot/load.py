@@ -1,7 +1,6 @@
 """Load and check a shot from a folder: from exports, a whole surface, pictures or bars.
 
-The window is the part of the shot that is simulated and compared. It lasts from rest until the end of the
-first recording that ends.
+The window is the part of the shot that is simulated and compared. It lasts from rest until a recording ends.
 """
 
 from collections.abc import Callable
@@ -70,12 +69,9 @@ def window(
     start = rest if declared.window.start is None else declared.window.start
     span = f"{in_us(scope_time[0])} to {in_us(scope_time[-1])}"
     if start > rest or start < frame_time[0]:
-        raise toml.error(
-            "window.start",
-            "is not allowed",
-            allowed=f"between the first and the last static frame, {in_us(frame_time[0])} to {in_us(rest)}",
-            cure="the simulation starts from rest",
-        )
+        message = "is not allowed"
+        allowed = f"between the first and the last static frame, {in_us(frame_time[0])} to {in_us(rest)}"
+        raise toml.error("window.start", message, allowed=allowed, cure="the simulation starts from rest")
     if scope_time[0] > start:
         raise InputError(
             scope.path,
@@ -107,9 +103,8 @@ def window(
         beyond |= frame_time >= symmetry_end
     end = float(frame_time[~beyond][-1])
     if not start < end:
-        raise toml.error(
-            "frames.static", "leaves no frame after the static ones", cure="declare fewer static frames"
-        )
+        message = "leaves no frame after the static ones"
+        raise toml.error("frames.static", message, cure="declare fewer static frames")
     return start, end
 
 
@@ -193,9 +188,8 @@ def load_pictures(source: Source) -> PicturedShot:
     """
     toml, frames = _open(source)
     if toml.declared.pictures is None:
-        raise toml.error(
-            "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
-        )
+        message = "is missing: this shot has no pictures"
+        raise toml.error("pictures", message, cure="add [pictures], [calibration], [dic]")
     pictures = open_pictures(toml, frames)
     check_frames(pictures)
     return _with_picture_set(toml, frames, pictures)
@@ -264,12 +258,8 @@ def _with_pictures(
 def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
     """The shot with specimen length and outline heights corrected by its pictures."""
     declared, uncertainty = shot.specimen.length, dict(shot.uncertainty)
-    length = conditioned_length(
-        rim,
-        declared=declared,
-        sigma=uncertainty.get("specimen_length", 0.0) * declared,
-        y_sigma=uncertainty.get("y_offset", 0.0),
-    )
+    sigma = uncertainty.get("specimen_length", 0.0) * declared
+    length = conditioned_length(rim, declared=declared, sigma=sigma, y_sigma=uncertainty.get("y_offset", 0.0))
     told = replace(shot, length_by_pictures=length, notes=(*shot.notes, *length_notes(length)))
     if not length.conditioned:
         return told
@@ -408,8 +398,7 @@ def driven_by_waves(
 def load_bar_driven(source: Source) -> Shot:
     """A shot from the gauges of its bars, without a centre line, identified from the force only.
 
-    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals are
-    not those of such a test.
+    Raises InputError for a missing or damaged file, a wrong declaration, or signals of another test.
     """
     from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 
@@ -419,20 +408,14 @@ def load_bar_driven(source: Source) -> Shot:
 
     given = load_waves(file)
     if declared.window.start is not None:
-        raise file.error(
-            "window.start",
-            "has no effect where bar waves drive the test: it begins with their arrival",
-            cure="remove it",
-        )
+        message = "has no effect where bar waves drive the test: it begins with their arrival"
+        raise file.error("window.start", message, cure="remove it")
     with refused(file.path.parent, cure="correct the gauge or bar that it names in shot.toml"):
         result = analyse(given)
         fields = shot_fields(file, declared)
         fields["inputs"] = {**given.inputs, **fields["inputs"]}
-        base = ShotBase(
-            **fields,
-            support="bar",
-            transmission_bar=Bar(**vars(given.bars["transmission"])),
-            force=BarForce(*back_force(result.reduction, result.faces)),
-        )
+        transmission_bar = Bar(**vars(given.bars["transmission"]))
+        force = BarForce(*back_force(result.reduction, result.faces))
+        base = ShotBase(**fields, support="bar", transmission_bar=transmission_bar, force=force)
         shot = driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     return with_warnings(shot)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dic.outcome import PointOutcome
-from dic.result import FullField, StereoResult, SurfaceStrain
+from dic.result import StereoResult, SurfaceStrain
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.pictures.dic_file import read_full_field, read_stereo_result
@@ -46,8 +46,7 @@ class MeasuredPoints:
     surface: SurfaceHistory
     """Their motion."""
     pixels: tuple[FloatArray, ...]
-    """Pixel coordinates in the pictures of each camera [px], each [n_frames, n_points, 2]; NaN for a lost
-    point."""
+    """Coordinates in each camera's pictures [px], each [n_frames, n_points, 2]; NaN for a lost point."""
     reference: FloatArray
     """Pixel coordinates in the reference picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
@@ -123,13 +122,15 @@ def read_measured_points(folder: Path) -> tuple[MeasuredPoints, ...]:
     """Read the result of an image correlation, one entry for each surface.
 
     ``folder``: the folder of a shot or of a dic.toml; `results/dic.h5` is read. Returns: the specimen and, if
-    it was tracked, the flyer; or the one surface of a dic.toml. Raises InputError if the file does not exist
-    or cannot be read.
+    it was tracked, the flyer; or the one surface of a dic.toml. Raises InputError if it cannot be read.
     """
     path = folder / "results" / RESULT_FILE
-    if find_measurement_file(folder) is not None:
-        return (_of_field(read_full_field(path)),)
-    return points_of(read_stereo_result(path))
+    if find_measurement_file(folder) is None:
+        return points_of(read_stereo_result(path))
+    field = read_full_field(path)
+    known = field.surface, tuple(field.pixels), field.points, field.cell, field.strain
+    plane = field.kind == "plane"
+    return (MeasuredPoints("surface", *known, unit=field.unit, plane=plane, timed=field.timed),)
 
 
 def points_of(result: StereoResult) -> tuple[MeasuredPoints, ...]:
@@ -146,18 +147,4 @@ def points_of(result: StereoResult) -> tuple[MeasuredPoints, ...]:
         )
         for name, body in bodies.items()
         if body is not None
-    )
-
-
-def _of_field(result: FullField) -> MeasuredPoints:
-    return MeasuredPoints(
-        "surface",
-        result.surface,
-        tuple(result.pixels),
-        result.points,
-        result.cell,
-        result.strain,
-        unit=result.unit,
-        plane=result.kind == "plane",
-        timed=result.timed,
     )

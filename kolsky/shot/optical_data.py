@@ -80,8 +80,7 @@ def surfaces(
     "cpu" or a CUDA device. ``again``: True to correlate even if the file exists. ``progress``: called with
     the number of frames done in each stage. ``cameras``: calibration started by
     `kolsky.pictures.rig.calibrate_in_background`; None: calibrate here. ``meanwhile``: work for this process
-    while the device starts. Raises InputError if the cameras cannot be calibrated or if nothing can be
-    measured.
+    while the device starts. Raises InputError without a calibration or a measurement.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length
@@ -171,8 +170,8 @@ def measured(
 def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
     """Write the outline and the flyer as exports for a shot file, the flight and the reporting table.
 
-    ``folder``: an existing folder. ``found``: the stereo result. ``number``: number of each frame as counted
-    in the shot, shape [n_frames].
+    ``folder``: an existing folder. ``found``: the stereo result. ``number``: of each frame in the shot, shape
+    [n_frames].
     """
     result = found.result
     line = result.centre

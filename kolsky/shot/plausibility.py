@@ -38,53 +38,43 @@ from kolsky.shot.evidence import (
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
 FRAME_INTERVALS = (1e-9, 5e-3)
-"""Smallest and largest frame interval [s]. The fastest camera takes 1e9 pictures per second. At 200 per
-second, an impact is shorter than one interval."""
+"""Smallest and largest frame interval [s]: the fastest camera; an impact shorter than one interval."""
 FORCE_STEPS = (1e-9, 1e-4)
 """Smallest and largest sampling interval of the force [s]: 10^4 to 10^9 samples per second."""
 FRAME_STEPS = (1e-8, 1e-3)
 """Usual frame intervals [s]: cameras of bar tests take 10^3 to 10^8 pictures per second."""
 FEWEST_FORCE_SAMPLES = 10
-"""Smallest number of force samples during the frames. With fewer samples, no force history can be
-compared."""
+"""Smallest number of force samples during the frames; fewer give no force history."""
 SHORTEST_RECORD = 10.0
-"""Largest transit time through a bar, divided by the duration of its record [-]. A shorter record contains no
-reflection."""
+"""Largest transit time through a bar over the duration of its record [-]; a shorter one has no reflection."""
 LONGEST_FRAMES = 100.0
-"""Largest duration of the frames, divided by that of the force record [-]. Above this limit, the record
-covers less than 1 % of the frames."""
+"""Largest duration of the frames over that of the force record [-]: it covers 1 % of the frames."""
 IMPACT_SPEEDS = (0.05, 500.0)
-"""Smallest and largest impact speed [m/s]. A fall of 0.2 mm gives 0.06 m/s. Above 500 m/s soft specimens
-disintegrate."""
+"""Smallest and largest impact speed [m/s]: a fall of 0.2 mm gives 0.06; specimens disintegrate at 500."""
 LEAST_TRAVEL = 1e-3
 """Smallest travel of the flyer, divided by the specimen's length [-]. Below it, the unit of displacement is
 more likely wrong than the unit of time."""
 RADIUS_TOLERANCE = 0.2
 """Largest difference between the outline at rest and the specimen's radius, relative to the radius [-]."""
 STIFFENING = 30.0
-"""Largest dynamic stress, divided by the quasi-static one [-]. Soft materials stiffen at most 10 times with
-strain rate. Faces that stick add a factor of at most 3."""
+"""Largest dynamic over quasi-static stress [-]: up to 10 times by strain rate, 3 times by sticking faces."""
 INERTIA = 3.0
 """Largest inertial stress, divided by rho v^2 [-]. A stopped column has 1, its reflected front 2."""
 SOFTENING = 1.0 / 30.0
-"""Smallest dynamic stress, divided by the quasi-static one [-]. A pre-conditioned or swollen specimen has
-0.2."""
+"""Smallest dynamic over quasi-static stress [-]. A pre-conditioned or swollen specimen has 0.2."""
 UNUSUAL = (0.2, 10.0)
 """Limits of dynamic stress divided by quasi-static stress for a warning [-]. Soft materials stiffen at most
 10 times, and soften at most 5 times with conditioning."""
 NOISE_SIGMAS = 10.0
 """A force below this many standard deviations of its baseline has not been transmitted yet."""
 CROSSINGS = 2.0
-"""Number of wave transits through the specimen after which the force has arrived and stress is nearly
-uniform."""
+"""Number of wave transits after which the force has arrived and stress is nearly uniform."""
 SENSITIVITIES = (1e-6, 10.0)
-"""Smallest and largest sensitivity of force transducers with amplifiers [V/N]. The range covers load cells
-and soft piezoelectric sensors."""
+"""Smallest and largest sensitivity of transducers with amplifiers [V/N], from load cells to soft sensors."""
 SOFT_STRESSES = (1e3, 3e7)
 """Smallest and largest stress of a soft material at the end of a test [Pa], from gels to hard rubber."""
 SHORTEST_CURVE = 0.03
-"""Smallest ratio of the curve's last strain to the test's strain [-]. Ratios that were declared as per cent
-are 100 times too small."""
+"""Smallest ratio of the curve's last strain to the test's [-]; ratios declared as per cent are at 0.01."""
 LONGEST_STRETCH = 8.0
 """Stretch above which a curve gets a warning [-]: natural rubber breaks at 7 to 8."""
 
@@ -274,30 +264,21 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         and -0.1 * length <= heights.min()
         and heights.max() <= 1.1 * length
     )
+    causes = [by_offset, "is it the right column, and are y and Z swapped?"]
     if swapped:
-        return likely_causes("are y and Z swapped?", by_offset)
-    if abs(middle + radius) <= RADIUS_TOLERANCE * radius:
-        return likely_causes(
-            f"Z counts toward the cameras: reverse the sign of {table}.Z in the file", by_offset
-        )
-    if factor == 0.5:
-        wider = 4e3 * radius
-        return likely_causes(
-            f'specimen.diameter = "{wider:.6g} mm" would fit: was the radius given?',
-            f"{table}.Z may hold the diameter",
-            by_offset,
-        )
-    if factor == 2.0:
-        return likely_causes(
-            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?', by_offset
-        )
-    if factor is not None:
-        return likely_causes(
-            unit_cure(e.file, f"{table}.Z", "m", factor),
-            unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES),
-            by_offset,
-        )
-    return likely_causes(by_offset, "is it the right column, and are y and Z swapped?")
+        causes = ["are y and Z swapped?", by_offset]
+    elif abs(middle + radius) <= RADIUS_TOLERANCE * radius:
+        causes = [f"Z counts toward the cameras: reverse the sign of {table}.Z in the file", by_offset]
+    elif factor == 0.5:
+        wider = f'specimen.diameter = "{4e3 * radius:.6g} mm" would fit: was the radius given?'
+        causes = [wider, f"{table}.Z may hold the diameter", by_offset]
+    elif factor == 2.0:
+        half = f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?'
+        causes = [half, by_offset]
+    elif factor is not None:
+        of_diameter = unit_cure(e.file, "specimen.diameter", "m", 1.0 / factor, SPECIMEN_SIZES)
+        causes = [unit_cure(e.file, f"{table}.Z", "m", factor), of_diameter, by_offset]
+    return likely_causes(*causes)
 
 
 def _curve_reach(e: Evidence) -> Iterator[Finding]:
@@ -306,12 +287,9 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
         return
     end = float(e.curve.stretch[-1])
     if end > LONGEST_STRETCH:
-        yield e.finding(
-            "curve.strain",
-            f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}",
-            cure=unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit",
-            contradiction=False,
-        )
+        message = f"reaches a stretch of {end:.4g}; rubber breaks at {LONGEST_STRETCH:g}"
+        cure = unit_cure(e.file, "curve.strain", "1", 0.01) or "check its column and unit"
+        yield e.finding("curve.strain", message, cure=cure, contradiction=False)
     if e.travel is None:
         return
     strain = float(np.abs(e.travel).max()) / e.declared.specimen.length
@@ -411,19 +389,14 @@ RULES: tuple[Rule, ...] = (
 """All rules; causes are named in this order."""
 
 
-def findings(evidence: Evidence) -> list[Finding]:
-    """All findings of the rules."""
-    return [finding for rule in RULES for finding in rule(evidence)]
-
-
 def gate(evidence: Evidence) -> tuple[str, ...]:
     """Reject contradictions and return the warnings, one sentence each.
 
     Raises InputError for a contradiction, `InputErrors` for several.
     """
-    all_findings = findings(evidence)
-    refuse([finding.error for finding in all_findings if finding.contradiction])
-    return tuple(str(finding.error) for finding in all_findings if not finding.contradiction)
+    found = [finding for rule in RULES for finding in rule(evidence)]
+    refuse([error for error, contradiction in found if contradiction])
+    return tuple(str(error) for error, contradiction in found if not contradiction)
 
 
 def evidence_of(shot: ShotBase) -> Evidence | None:

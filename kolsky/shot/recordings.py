@@ -129,8 +129,7 @@ class ShotRecordings:
     window: tuple[float, float]
     """First and last time that is simulated and compared [s]."""
     symmetry_end: float | None
-    """Time at which the flyer leaves its first direction [s]. None if it does not, or if it was not
-    measured."""
+    """Time at which the flyer leaves its first direction [s]; None if it does not, or is unknown."""
     motion: MotionShown
     """The flyer, or the bar's face."""
     surface: dict[str, str] = field(default_factory=dict)

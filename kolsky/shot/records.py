@@ -27,12 +27,8 @@ FEWEST_MOVING_FRAMES = 24
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
     """The smooth path of a motion. Its scale is taken as exact."""
     if isinstance(motion, FlyerMotion):
-        return fit_flyer(
-            motion,
-            start=start,
-            covariance=_with_zero_start(motion, start),
-            restart=second_impact_time(motion, start),
-        )
+        restart = second_impact_time(motion, start)
+        return fit_flyer(motion, start=start, covariance=_with_zero_start(motion, start), restart=restart)
     return front_path(replace(motion, sigma_gain=0.0))
 
 
@@ -123,8 +119,7 @@ class IncidentForce:
     channel: ForceChannel
     """Its channel."""
     mass: float
-    """Mass between the sensing plane and the specimen [kg]. This part of the flyer moves as one rigid
-    body."""
+    """Mass between the sensing plane and the specimen, which moves as one rigid body [kg]."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -191,8 +186,7 @@ class Shot(ShotBase):
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, from pictures [s]; None if unknown."""
     axis_by_radius: bool = False
-    """True if the outline's axis was placed with the declared radius at rest. Z then depends on this
-    radius."""
+    """True if the outline's axis, and so Z, was placed with the declared radius at rest."""
     length_by_pictures: LengthByPictures | None = None
     """The specimen's length as declared, as measured in pictures and as used. None without a measurement."""
 
@@ -229,7 +223,6 @@ class OpticalData:
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""
     offsets: Mapping[str, float] = field(default_factory=dict)
-    """Standard uncertainties of the outline's position, by their keys of [uncertainty] [m]; empty if
-    unknown."""
+    """Standard uncertainties of the outline's position by keys of [uncertainty] [m]; empty if unknown."""
     rim: RimAtRest | None = None
     """Height of the flyer's rim at rest above the specimen's lower end; None if unknown."""

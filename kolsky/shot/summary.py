@@ -57,13 +57,11 @@ def _window_entries(shot: Shot) -> list[Entry]:
     """The window, and its number of front-face samples."""
     (start, end), time = shot.window, shot.flyer.time
     what = "frames" if isinstance(shot.flyer, FlyerMotion) else "samples"
+    spans = {"start": start, "end": end, "duration": end - start}
+    where = {"inside": _inside(shot, time), "before it": time < start, "after it": time > end}
     return [
-        Entry("window", "start", start, "s"),
-        Entry("window", "end", end, "s"),
-        Entry("window", "duration", end - start, "s"),
-        Entry("window", f"{what} inside", int(_inside(shot, time).sum())),
-        Entry("window", f"{what} before it", int((time < start).sum())),
-        Entry("window", f"{what} after it", int((time > end).sum())),
+        *(Entry("window", name, value, "s") for name, value in spans.items()),
+        *(Entry("window", f"{what} {name}", int(found.sum())) for name, found in where.items()),
     ]
 
 

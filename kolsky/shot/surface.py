@@ -88,13 +88,9 @@ def surface_history(
         outcome[export.state == state] = int(meaning)
     from dic.surfaces.surface_history import SurfaceHistory  # imports image correlation
 
-    return SurfaceHistory(
-        t=time,
-        X=(export.X - placement.origin) @ placement.rotation.T,
-        u=export.u @ placement.rotation.T,
-        sigma=np.full(export.u.shape, sigma),
-        outcome=outcome,
-    )
+    X = (export.X - placement.origin) @ placement.rotation.T
+    u = export.u @ placement.rotation.T
+    return SurfaceHistory(t=time, X=X, u=u, sigma=np.full(export.u.shape, sigma), outcome=outcome)
 
 
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
@@ -177,20 +173,16 @@ def _export(
     index = np.searchsorted(frames.frame, export.frame).clip(max=frames.frame.size - 1)
     unknown = np.flatnonzero(frames.frame[index] != export.frame)
     if unknown.size:
-        raise InputError(
-            export.paths[int(unknown[0])],
-            f"is frame {export.frame[unknown[0]]}, which is not in {frames.path.name}",
-            cure="give the files the frame numbers of the frames' file",
-        )
+        message = f"is frame {export.frame[unknown[0]]}, which is not in {frames.path.name}"
+        cure = "give the files the frame numbers of the frames' file"
+        raise InputError(export.paths[int(unknown[0])], message, cure=cure)
     return export, frames.time[index] + toml.declared.frames.clock_offset
 
 
 LEAST_HEIGHT = 0.2
-"""Smallest height of the outline at rest above the transmission platen, divided by the declared length [-]. A
-height of a tenth indicates a wrong length."""
+"""Smallest height of the outline at rest over the declared length [-]. A tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
-"""Largest radius of an outline, divided by the declared radius [-]. A freely sliding specimen reaches it at a
-ninth of its length."""
+"""Largest radius of an outline over the declared one [-]: a sliding specimen at a ninth of its length."""
 
 
 def read_outline(
@@ -261,9 +253,8 @@ def check_outline(
             message = f"{name} is {1e3 * float(value[row]):.6g} mm in frame {line.frame[row]}"
             if rows.size > 1:
                 message += f" ({rows.size} such points)"
-            raise InputError(
-                path, f"{message}; it must be {allowed}", line=line_of(row) if line_of else None, cure=cure
-            )
+            message = f"{message}; it must be {allowed}"
+            raise InputError(path, message, line=line_of(row) if line_of else None, cure=cure)
     if not np.any((line.time >= span[0]) & (line.time <= span[1])):
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 

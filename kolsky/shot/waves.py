@@ -15,7 +15,7 @@ import numpy as np
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
 from kolsky.bars.flyer.events import FlyerEvents, flyer_events
-from kolsky.bars.flyer.path import path_strain
+from kolsky.bars.flyer.path import FlyerPath, path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, synchronise
 from kolsky.bars.guides.propagation import BarsTogether, wave_speed
 from kolsky.bars.records import BarSignal, FlyerResult, History, Quantity, ReducedTest, Reduction, Signal
@@ -69,41 +69,28 @@ class FlyerInput:
     settings: Mapping[str, str] = field(default_factory=dict)
     """The declared values and the software versions."""
 
+    def reduced(
+        self, path: FlyerPath, time: FloatArray, values: Mapping[str, float], log: AuditLog
+    ) -> tuple[Reduction, Validity, History]:
+        """Reduction at the given times, its validity, and the acceleration of the flyer with this path.
 
-@dataclass(frozen=True)
-class Reduced:
-    """One reduction with its intermediate results."""
-
-    reduction: Reduction
-    validity: Validity
-    acceleration: History
-
-
-@dataclass(frozen=True)
-class FlyerTest:
-    """One flyer test with input quantities that can be varied."""
-
-    given: FlyerInput
-    events: FlyerEvents
-    time: FloatArray
-
-    def reduced(self, values: Mapping[str, float], log: AuditLog) -> Reduced:
-        """Reduction at the times `time`; corrections are recorded in ``log``."""
-        given, time, shot = self.given, self.time, self.given.shot
+        ``values`` replace input quantities of the same name. Corrections are recorded in ``log``.
+        """
+        shot = self.shot
         specimen = varied_specimen(shot.specimen, values)
-        strain, rate, second = path_strain(self.events.path, time, length=specimen.length)
-        acceleration = path_acceleration(self.events.path, time)
+        strain, rate, second = path_strain(path, time, length=specimen.length)
+        acceleration = path_acceleration(path, time)
         assert isinstance(shot.force, ForceChannel)  # checked by `analyse_flyer`
-        back = _at(_channel_force("transmitted force", shot.force, given, values).signal, time)
+        back = _at(_channel_force("transmitted force", shot.force, self, values).signal, time)
         front = back
-        if given.incident is not None:
-            gauge = _at(_channel_force("incident force", given.incident, given, values).signal, time)
+        if self.incident is not None:
+            gauge = _at(_channel_force("incident force", self.incident, self, values).signal, time)
             front = gauge
-            if given.mass > 0.0:
-                mass = values.get("flyer, mass", given.mass)
+            if self.mass > 0.0:
+                mass = values.get("flyer, mass", self.mass)
                 front, entry = compensate_mass(
                     gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
-                    apply=given.switches["mass"], source="the flyer's motion",
+                    apply=self.switches["mass"], source="the flyer's motion",
                 )  # fmt: skip
                 log.add(replace(entry, key="mass"))
         area = specimen.area
@@ -116,11 +103,11 @@ class FlyerTest:
         }
         plain = stress["three waves"]
         corrected, radial = correct_radial_inertia(
-            plain, strain, rate, second, specimen, apply=given.switches["radial inertia"]
+            plain, strain, rate, second, specimen, apply=self.switches["radial inertia"]
         )
         log.add(replace(radial, key="radial inertia"))
         stress["one wave"], axial = correct_axial_inertia(
-            stress["one wave"], second, specimen, apply=given.switches["axial inertia"]
+            stress["one wave"], second, specimen, apply=self.switches["axial inertia"]
         )
         log.add(replace(axial, key="axial inertia"))
         if axial.applied:  # the other analyses lack other shares of it
@@ -131,7 +118,7 @@ class FlyerTest:
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
-        known = given.incident is not None  # with one force their balance is unknown
+        known = self.incident is not None  # with one force their balance is unknown
         ratio = np.full(time.size, np.inf)
         if known:
             ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
@@ -146,21 +133,16 @@ class FlyerTest:
             front_velocity=_scaled(rate, specimen.length),
             back_velocity=still,
             imbalance=ratio,
-            balanced=balanced_span(time, ratio, allowance=given.share, bridge=width * interval),
+            balanced=balanced_span(time, ratio, allowance=self.share, bridge=width * interval),
         )
         window = validity(
             time, front, back, strain,
-            inertial_stress=plain.value - everything.value, area=area, share=given.share, average=AVERAGE,
+            inertial_stress=plain.value - everything.value, area=area, share=self.share, average=AVERAGE,
         )  # fmt: skip
         if not known:
             unknown = np.full(window.imbalance.shape, np.inf)
             window = replace(window, window=None, strain=None, covered=0.0, imbalance=unknown)
-        return Reduced(reduction, window, acceleration)
-
-    def outputs(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Reported numbers and forces, for the uncertainty budget."""
-        reduction = self.reduced(values, AuditLog(self.given.switches)).reduction
-        return {name: history.value for name, history in _reported(reduction).items()}
+        return reduction, window, acceleration
 
 
 def _reported(reduction: Reduction) -> dict[str, History]:
@@ -238,19 +220,24 @@ def analyse_flyer(given: FlyerInput, *, progress: Progress = lambda stage, done,
     progress("waves", 1, 3)
     last = min(events.path.end, events.usable[0], inf if shot.symmetry_end is None else shot.symmetry_end)
     time = transmitted.signal.time
-    state = FlyerTest(given, events, time[(time >= rest) & (time <= last)])
+    time = time[(time >= rest) & (time <= last)]
     log = AuditLog(given.switches)
     forces = [force for force in (incident, transmitted) if force is not None]
     log.add(*(correction for force in forces for correction in force.corrections))
-    found = state.reduced({}, log)
+    r, judged, acceleration = given.reduced(events.path, time, {}, log)
     progress("waves", 2, 3)
-    r, u = found.reduction, given.uncertainty
+    u = given.uncertainty
     quantities = [q for force in forces for q in force.quantities]
     quantities += length_quantities(shot.specimen, {}, u)
     if given.incident is not None and given.mass > 0.0:
         quantities.append(Quantity("flyer, mass", given.mass, given.mass * u.get("mass", 0.0), "kg", "B"))
     noise = {name: history.sigma for name, history in _reported(r).items()}
-    budget = propagate(state.outputs, merge_quantities(quantities), noise=noise)
+
+    def outputs(values: Mapping[str, float]) -> dict[str, FloatArray]:
+        varied = given.reduced(events.path, time, values, AuditLog(given.switches))[0]
+        return {name: history.value for name, history in _reported(varied).items()}
+
+    budget = propagate(outputs, merge_quantities(quantities), noise=noise)
     last = int(np.argmax(np.abs(r.strain["three waves"].value)))
     rows = {"largest strain": ("largest strain", last, "1"), "back stress there": ("back stress", last, "Pa")}
     if given.incident is not None:
@@ -258,14 +245,14 @@ def analyse_flyer(given: FlyerInput, *, progress: Progress = lambda stage, done,
     progress("waves", 3, 3)
     facts: dict[str, tuple[float, str]] = {
         "largest strain rate": (float(np.abs(r.rate["three waves"].value).max()), "1/s"),
-        "largest acceleration of the flyer": (float(np.abs(found.acceleration.value).max()), "m/s^2"),
+        "largest acceleration of the flyer": (float(np.abs(acceleration.value).max()), "m/s^2"),
         **{f"noise, {force.signal.name}": (force.signal.sigma, "N") for force in forces},
     }
     if sync is not None:
         facts |= {"lag of the cameras": (sync.lag, "s"), "its standard uncertainty": (sync.sigma, "s")}
-    window = found.validity.window  # of one averaging interval it is none
-    judged = found.validity.sentence if given.incident is not None else UNJUDGED
-    remarks = [judged] if found.validity.nearly_empty else []
+    window = judged.window  # of one averaging interval it is none
+    sentence = judged.sentence if given.incident is not None else UNJUDGED
+    remarks = [sentence] if judged.nearly_empty else []
     if sync is not None and sync.agreement is not Agreement.AGREES:
         remarks.append(sync.sentence)
     elif sync is not None and abs(sync.gain - 1.0) > 2.0 * sync.sigma_gain:
@@ -287,13 +274,9 @@ def analyse_flyer(given: FlyerInput, *, progress: Progress = lambda stage, done,
         signals=tuple(force.signal for force in forces),
         events=_flyer_events(events, shot, pictured=given.pictured),
         valid=window if window is not None and window[1] > window[0] else None,
-        validity=judged,
+        validity=sentence,
         synchronisation=None if sync is None else sync.sentence,
-        inertia={
-            "time": found.validity.time,
-            "imbalance": found.validity.imbalance,
-            "inertia": found.validity.inertia,
-        },
+        inertia={"time": judged.time, "imbalance": judged.imbalance, "inertia": judged.inertia},
     )
 
 
@@ -322,11 +305,8 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     declared = toml.declared
     waves = declared.waves or WavesSection()
     if "analysis" in waves.model_fields_set:
-        raise toml.error(
-            "waves.analysis",
-            "is for tests between bars; a flyer test quotes the stress at each face",
-            cure="remove it",
-        )
+        message = "is for tests between bars; a flyer test quotes the stress at each face"
+        raise toml.error("waves.analysis", message, cure="remove it")
     return FlyerInput(
         shot=shot,
         incident=incident_channel(toml),
@@ -455,9 +435,8 @@ def repeats(
     for number, (path, one) in enumerate(zip(paths, given, strict=True)):
         progress("repeats", number, len(paths))
         if one.name in found:
-            raise InputError(
-                folder_of(path), f"another shot is called {one.name!r} too", cure="give each its own name"
-            )
+            message = f"another shot is called {one.name!r} too"
+            raise InputError(folder_of(path), message, cure="give each its own name")
         with refused(folder_of(path), cure=CURE):
             found[one.name] = analyse(one).reduction
     progress("repeats", len(paths), len(paths))

@@ -1,5 +1,4 @@
-"""The uncertainty analysis of an optimum: declared inputs, profiles, other choices of the analyst,
-posterior.
+"""The uncertainty analysis of an optimum: inputs, profiles, other choices of the analyst, posterior.
 
 Other choices are another end of the window and other force bins. The same data and runs are searched again.
 """
@@ -135,12 +134,9 @@ def wider_bins(objective: Objective, model: Model) -> Data:
         means: FloatArray = np.add.reduceat(h * values, starts, axis=-1) / together
         return means
 
-    wide = ForceBins(
-        edges=bins.edges[np.append(starts, own)],
-        mean=merged(bins.mean),
-        sigma=np.sqrt(np.add.reduceat((h * bins.sigma) ** 2, starts)) / together,
-        n=np.add.reduceat(bins.n - 1, starts) + 1,
-    )
+    sigma = np.sqrt(np.add.reduceat((h * bins.sigma) ** 2, starts)) / together
+    n = np.add.reduceat(bins.n - 1, starts) + 1
+    wide = ForceBins(edges=bins.edges[np.append(starts, own)], mean=merged(bins.mean), sigma=sigma, n=n)
 
     def both(vectors: FloatArray) -> FloatArray:
         return np.concatenate([merged(vectors[..., :own]), vectors[..., own:]], axis=-1)

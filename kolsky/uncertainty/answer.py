@@ -21,8 +21,7 @@ from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
 
 
 def error_sources(found: Search, directions: InputDirections | None) -> Sources:
-    """All sources of error of the optimum, as changes of the data vector; the runs for the mesh error are
-    made.
+    """All sources of error of the optimum, as changes of the data vector, with runs for the mesh error.
 
     ``directions``: effect of each input on the data vector; None omits the declared uncertainties. Raises
     ValueError for the reasons of `kolsky.uncertainty.mesh_error.mesh_change`.

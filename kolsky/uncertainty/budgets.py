@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -48,13 +49,9 @@ class InputChanges:
     """Source -> change by one standard uncertainty of "force scale" or "motion scale", shape [k]."""
 
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
-        """Standard uncertainties by source, [d] each; ``gain``: change of the data -> shift of the optimum,
-        [d, k].
-        """
-        found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
-        for key, changes in self.replicates.items():
-            found[key] = replicate_uncertainty(changes @ gain.T)
-        return found
+        """Standard uncertainties by source, [d] each; ``gain``: data -> optimum, [d, k]."""
+        drawn = {key: replicate_uncertainty(changes @ gain.T) for key, changes in self.replicates.items()}
+        return {key: np.abs(gain @ change) for key, change in self.scales.items()} | drawn
 
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
@@ -130,11 +127,6 @@ def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]
     return {RESIDUALS: np.sqrt(np.diag(residual)), **sources.inputs.parts(objective.gain(fine.jacobian))}
 
 
-def root_sum_squares(parts: dict[str, FloatArray]) -> FloatArray:
-    """Root sum of squares of the parts, shape [d]."""
-    return np.asarray(np.sqrt(np.sum([part**2 for part in parts.values()], axis=0)))
-
-
 def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> Route:
     """A route with its correction for the mesh and its budget."""
     parts = sources.parts(optimum.residual, optimum.gain)
@@ -143,45 +135,41 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
         name=optimum.name,
         parameters=_named(names, optimum.x + correction),
         cost=optimum.cost,
-        sigma=_named(names, root_sum_squares(parts)),
         correction=_named(names, correction),
-        budget=_contributions(names, parts),
+        **_budget(names, parts),
     )
 
 
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force-only minus outline-only result, of independent residuals, with its budget; None if one is
-    missing.
-    """
+    """Force-only minus outline-only result, residuals independent, and its budget; None without both."""
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
         return None
     force, shape = by_part["force"], by_part["shape"]
     gain = force.gain - shape.gain
     parts = sources.parts(force.residual + shape.residual, gain)
-    return RouteDifference(
-        values=_named(names, force.x - shape.x + sources.mesh.correction(gain)),
-        sigma=_named(names, root_sum_squares(parts)),
-        budget=_contributions(names, parts),
-    )
+    values = _named(names, force.x - shape.x + sources.mesh.correction(gain))
+    return RouteDifference(values=values, **_budget(names, parts))
 
 
 def _named(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     return dict(zip(names, np.asarray(values).tolist(), strict=True))
 
 
-def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[Contribution, ...]:
-    return tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
+def _budget(names: Sequence[str], parts: dict[str, FloatArray]) -> dict[str, Any]:
+    """The root sum of squares of the parts, and each of them, as fields of a route."""
+    whole = np.sqrt(np.sum([part**2 for part in parts.values()], axis=0))
+    budget = tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
+    return {"sigma": _named(names, whole), "budget": budget}
 
 
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
     A material constant has one row, an independent input of each shot one row per shot. The scale of the
-    curve is excluded, because m absorbs it. Raises ValueError if a run with a changed input does not
-    complete.
+    curve is excluded, because m absorbs it. Raises ValueError if a run does not complete.
     """
     changes: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]
@@ -192,8 +180,10 @@ def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatAr
             changes[key] = problem.stack.of_each(_specimen_change(problem, found, base, sigmas, key))
         elif key in ("Z_offset", "y_offset"):
             changes[key] = problem.stack.of_each(_place_change(problem, sigmas, key))
-        elif _held_constant(problem, key):
-            changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
+        elif key in PARAMETERS and key not in problem.unknowns.names:
+            p, faces = PARAMETERS[key], problem.first.interface
+            if p.belongs_to(problem.first) and has_effect(p, (faces.faces, faces.side)):
+                changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
     return changes
 
 
@@ -234,13 +224,6 @@ def _repeated_shift(problem: JointProblem, found: Optimum, change: FloatArray) -
             left = residual + found.slopes @ shift
         ends.append(shift)
     return np.asarray(0.5 * (ends[0] - ends[1]))
-
-
-def _held_constant(problem: JointProblem, key: str) -> bool:
-    if key not in PARAMETERS or key in problem.unknowns.names:
-        return False
-    p, shot = PARAMETERS[key], problem.first
-    return p.belongs_to(shot) and has_effect(p, (shot.interface.faces, shot.interface.side))
 
 
 def _constant_change(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
-from typing import Any
 
-from kolsky.base.arrays import FloatArray
+import numpy as np
+
 from kolsky.inverse.result import Declaration
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.input_records import SHOWN
@@ -22,47 +23,26 @@ ALIKE = 0.95
 
 def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, ...]:
     """Every key that shot.toml may declare uncertain, and the shift of the optimum due to it."""
-    declared, names = shot.uncertainty, directions.names
-    return tuple(
-        Declaration(
+    names, found = directions.names, []
+    for key in IDENTIFY_KEYS:
+        sigma, seen = shot.uncertainty.get(key), key in directions.keys
+        shifts = directions.repeated_shift(key, sigma) if sigma and seen else np.empty(0)
+        known = UNDECLARED if sigma is None else VARIED if sigma > 0.0 else "declared exact"
+        part = Declaration(
             key=key,
-            sigma=declared.get(key, float("nan")),
+            sigma=float("nan") if sigma is None else sigma,
             unit=INPUTS[key].unit,
-            shifts=_by_name(names, directions.repeated_shift(key, declared[key]))
-            if declared.get(key, 0.0) > 0.0 and key in directions.keys
-            else {},
-            status=_status(key, declared, directions.absent.get(key, "")),
-            **_sensitivity(directions, key),
+            shifts=dict(zip(names, shifts.tolist(), strict=False)),
+            status=directions.absent.get(key, "") or known,
         )
-        for key in IDENTIFY_KEYS
-    )
-
-
-def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
-    """The fields of a `Declaration` that need no declared uncertainty; empty without a direction."""
-    if key not in directions.keys:
-        return {}
-    one = directions[key]
-    amount = plain_amount(key, one.value)
-    others = [other for other in IDENTIFY_KEYS if other != key and other in directions.keys]
-    return {
-        "amount": amount,
-        "moves": _by_name(directions.names, directions.repeated_shift(key, amount)),
-        "visible": directions.visible(key),
-        "alike": tuple(other for other in others if abs(directions.likeness(key, other)) > ALIKE),
-    }
-
-
-def _status(key: str, uncertainty: Mapping[str, float], told: str) -> str:
-    if told:
-        return told
-    if key not in uncertainty:
-        return UNDECLARED
-    return VARIED if uncertainty[key] > 0.0 else "declared exact"
-
-
-def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, values.tolist(), strict=True))
+        if seen:
+            amount = plain_amount(key, directions[key].value)
+            others = [other for other in IDENTIFY_KEYS if other != key and other in directions.keys]
+            moves = dict(zip(names, directions.repeated_shift(key, amount).tolist(), strict=True))
+            alike = tuple(other for other in others if abs(directions.likeness(key, other)) > ALIKE)
+            part = replace(part, amount=amount, moves=moves, visible=directions.visible(key), alike=alike)
+        found.append(part)
+    return tuple(found)
 
 
 INVISIBLE = 1e-3

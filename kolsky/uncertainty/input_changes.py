@@ -206,11 +206,6 @@ class MovedRuns:
     """Key -> step of each input to be changed."""
 
     @property
-    def mesh_point(self) -> FloatArray:
-        """Point at which the surrogate's mesh responds like the refined mesh at the optimum, shape [d]."""
-        return np.asarray(self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0])
-
-    @property
     def forward(self) -> Forward:
         """The shot prepared to run, with surface output also shortly before and after each frame."""
         forward = self.runner.forward
@@ -295,7 +290,8 @@ class MovedRuns:
     def _design(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper ends of the central differences by the free parameters, shape [d] each."""
         lower, upper = np.array(self.runner.problem.box.lower), np.array(self.runner.problem.box.upper)
-        x = self.mesh_point
+        # where the surrogate's mesh responds like the refined mesh at the optimum
+        x = self.runner.solver_values(self.x[None], self.runner.problem.numerics.mesh)[0]
         values = zip(self.runner.problem.box.names, x.tolist(), strict=True)
         step = np.array([parameter_step(name, value) for name, value in values])
         return np.maximum(x - step, lower), np.minimum(x + step, upper)
@@ -382,8 +378,7 @@ class InputDirection:
     step: float
     """Its increase, in its unit or relative."""
     change: FloatArray
-    """Change of prediction minus data by the step, shape [k]. It is zero at an outline point that the changed
-    model does not reach."""
+    """Change of prediction minus data by the step, shape [k]; zero at outline points that are not reached."""
     value: float
     """Its declared value in SI; NaN for a scale or an offset without a value."""
 
@@ -433,8 +428,7 @@ class InputDirections:
         return np.asarray(-self.gain @ self[key].change)
 
     def repeated_shift(self, key: str, step: float) -> FloatArray:
-        """Change of the optimum if the identification is repeated with an input increased by a step, in SI,
-        [d].
+        """Change of the optimum, in SI, [d], if the identification is repeated with an input changed.
 
         The weights are those of the new residual, with its own discrepancies.
         """
@@ -507,19 +501,15 @@ def input_directions(
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
             if key == "specimen_length":
                 change = change + model.heights_with_length(shot, step)
-        found.append(InputDirection(key, step, np.nan_to_num(change), _declared_value(key, shot, held)))
+        one, value = INPUTS[key], float("nan")
+        if key in PARAMETERS:
+            value = held.get(key, PARAMETERS[key].held(shot))
+        elif one.specimen:
+            value = float(getattr(shot.specimen, one.specimen))
+        found.append(InputDirection(key, step, np.nan_to_num(change), value))
         runner.work.progress("inputs", done + 1, len(wanted))
     runner.work.progress("inputs", len(wanted), len(wanted))
     return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
-
-
-def _declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
-    """The declared or held value of an input in SI; NaN if it has none."""
-    if key in PARAMETERS:
-        return held.get(key, PARAMETERS[key].held(shot))
-    if INPUTS[key].specimen:
-        return float(getattr(shot.specimen, INPUTS[key].specimen))
-    return float("nan")
 
 
 def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:

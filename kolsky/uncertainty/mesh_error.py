@@ -114,9 +114,7 @@ class MeshChange:
             )
 
     def shift(self, gain: FloatArray) -> FloatArray:
-        """Optimum on the refined mesh minus that on the surrogate's, [d], by the gain of the data vector, [d,
-        k].
-        """
+        """Optimum on the refined mesh minus that on the surrogate's, [d]; ``gain``: [d, k]."""
         return np.asarray(gain @ self.coarser)
 
     @property

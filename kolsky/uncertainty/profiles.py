@@ -50,12 +50,9 @@ def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box
     return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
 
 
-def full_likelihood(
-    model: CorrectedSurrogate, objective: Objective, box: Box, *, taus: tuple[float, float] | None = None
-) -> Likelihood:
+def full_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
     """The likelihood of the whole data vector, with one channel for the force and one for the outline."""
-    force, shape = taus or (objective.force_discrepancy, objective.shape_discrepancy)
-    n = objective.n_force
+    n, force, shape = objective.n_force, objective.force_discrepancy, objective.shape_discrepancy
     channels = [Channel("force", objective.noise[:n], discrepancy=force)]
     if len(objective.data) > n:
         channels.append(Channel("outline", objective.noise[n:], discrepancy=shape))
@@ -72,8 +69,7 @@ def full_likelihood(
 
 
 TOLERANCE = 0.1
-"""The surrogate is accepted if its error of the rise is below this, as a share of the level. The error is
-found by runs along a profile."""
+"""The surrogate is accepted if runs along a profile differ by less in their rise, as a share of the level."""
 WARN_WIDER = 4.0 / 3.0
 """A profile is reported if its error would widen the answer's interval by more than this factor."""
 ROUNDS = 3

@@ -20,17 +20,6 @@ WHITE = 3.0
 """Noise is not white if its lag-1 correlation exceeds this many times 1 / sqrt(samples)."""
 
 
-def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
-    """Ratio of m from the conditioned curve to m from the first pull."""
-    if "conditioned_ratio" in checks:
-        ratio = checks["conditioned_ratio"]
-        yield (
-            f"m refers to the first pull; the stress of the conditioned curve is {ratio:.3g} times as "
-            f"large, and m relative to it would be about {1.0 / ratio:.3g} times as large: --pull "
-            "conditioned identifies it"
-        )
-
-
 def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
     """Warning if the window ends when the flyer leaves its first direction, or later."""
     end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
@@ -78,17 +67,6 @@ def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
             f"the force's baseline noise is not white: neighbouring samples correlate by {c:.2g} (white "
             f"noise: within {limit:.2g}), so the sigma of a bin's mean is wrong by a factor of about "
             f"{sqrt((1.0 + c) / (1.0 - c)):.2g}"
-        )
-
-
-def _outline_noise_warnings(result: Identification) -> Iterator[str]:
-    """Warning if the outline residuals are below the noise. The declared sigma must then be wrong."""
-    t = result.terms
-    if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
-        ratio = sqrt(t.n_shape / t.chi2_shape)
-        yield (
-            f"the outline's residuals are {ratio:.2g} times smaller than its declared sigma, which cannot "
-            "be right; check centre_line.sigma"
         )
 
 
@@ -223,8 +201,7 @@ DISAGREE = 2.5
 difference. With 2.0, one correct shot in twenty would be reported with one parameter, and one in seven with
 three."""
 HALF = 0.5
-"""The mesh error is reported if it is the main part of the interval: without it, the interval would be
-shorter than this share."""
+"""The mesh error is reported if the interval would be shorter than this share without it."""
 IMBALANCE = 0.01
 """A missing share of the external work above this is reported."""
 
@@ -257,15 +234,6 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
         )
 
 
-def _force_only_warning(result: Identification) -> Iterator[str]:
-    """Warning if there is no outline. Nothing can then contradict a wrong model."""
-    if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
-        yield (
-            "no outline was measured: the value depends on the force only, and nothing shows whether the "
-            "specimen deformed as in the model, slid on the platens or was of another length"
-        )
-
-
 def route_warnings(result: Identification) -> Iterator[str]:
     """Warning if force and outline disagree about a parameter
     (`kolsky.uncertainty.budgets.route_difference`).
@@ -290,29 +258,6 @@ def route_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def _method_warnings(result: Identification) -> Iterator[str]:
-    """Warning if methods find different optima. The misfit then has several valleys or is rough."""
-    for method, name, distance in disagreements(result.methods):
-        if isfinite(distance):
-            yield (
-                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
-                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
-                f"answer ({method.ended})"
-            )
-        else:
-            yield f"{method.name} has no value of {name} to compare ({method.ended})"
-
-
-def _paper_warning(result: Identification) -> Iterator[str]:
-    """Warning if the route of the paper's cost is missing."""
-    names = {route.name for route in result.routes}
-    if "shape only" in names and "paper" not in names:
-        yield (
-            "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs: the optimum of that cost "
-            "is left out, and the answer does not depend on it"
-        )
-
-
 def bound_warnings(result: Identification) -> Iterator[str]:
     """Warning if an interval extends beyond the design. There are no runs outside the design."""
     design = result.design
@@ -324,38 +269,6 @@ def bound_warnings(result: Identification) -> Iterator[str]:
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
             )
-
-
-def _energy_warning(result: Identification) -> Iterator[str]:
-    """Warning if the energy balance of the simulation is not closed."""
-    imbalance = worst_imbalance(result.response)
-    if imbalance > IMBALANCE:
-        yield f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for"
-
-
-def _lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
-    """Report the failed runs of the design and the number of failed noise replicates."""
-    yield from lost_runs(result.design, "; the surrogate uses the others")
-    if lost_replicates:
-        yield (
-            f"{lost_replicates} replicates of the input noise did not complete; the interval uses the others"
-        )
-
-
-def _outside_warnings(result: Identification) -> Iterator[str]:
-    """Report outline points that were not counted, at the optimum or in the search."""
-    t = result.terms
-    if t.n_outside:
-        yield (
-            f"{t.n_outside} of {t.n_outside + t.n_shape} outline points lie outside the simulated outline "
-            "at the optimum and are not counted"
-        )
-    searched = result.surrogate.get("counted_points", float(t.n_shape))
-    if searched < t.n_shape:
-        yield (
-            f"{t.n_shape - searched:.0f} of {t.n_shape} outline points were not counted in the search, "
-            "because some run of the design does not reach them"
-        )
 
 
 def mesh_warnings(result: Identification) -> Iterator[str]:
@@ -380,13 +293,6 @@ def mesh_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def _left_out_warnings(result: Identification) -> Iterator[str]:
-    """Warning if the interval does not include the noise of an input."""
-    for source in ("flyer motion", "material curve"):
-        if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
-            yield f"the interval does not include the noise of the {source}"
-
-
 def collect_warnings(
     result: Identification,
     *,
@@ -402,33 +308,67 @@ def collect_warnings(
     it. ``lost_replicates``: failed runs of the noise stage. ``mesh``: of the check run; None to skip the
     check of its elements. ``lost_meshes``: failed runs for the mesh error.
     """
-    named, response = (
-        [*result.estimates, *result.provenance.get("settings", {}).get("held", {})],
-        result.response,
-    )
+    held, response, t = result.provenance.get("settings", {}).get("held", {}), result.response, result.terms
+    named, routes = [*result.estimates, *held], {route.name for route in result.routes}
     share, reached = float(response.extrapolated_share[0]), float(response.largest_strain_measure[0])
-    return tuple(
-        [
-            *_route_disagreement(result),
-            *_force_only_warning(result),
-            *route_warnings(result),
-            *_method_warnings(result),
-            *_paper_warning(result),
-            *bound_warnings(result),
-            *past_curve_warning(share, reached, checks),
-            *_conditioned_curve_warning(checks),
-            *_energy_warning(result),
-            *hourglass_warning(response),
-            *([] if mesh is None else folded_warning(response, mesh, interface, named)),
-            *_lost_run_warnings(result, lost_replicates),
-            *_outside_warnings(result),
-            *symmetry_warning(checks),
-            *flyer_warnings(checks),
-            *force_noise_warnings(checks),
-            *_outline_noise_warnings(result),
-            *lost_mesh_runs(lost_meshes, result.mesh),
-            *mesh_warnings(result),
-            *_left_out_warnings(result),
-            *sliding_warning(interface, named),
-        ]
-    )
+    said = [*_route_disagreement(result)]
+    if np.isfinite(t.chi2_force) and not t.has_shape:
+        said.append(
+            "no outline was measured: the value depends on the force only, and nothing shows whether the "
+            "specimen deformed as in the model, slid on the platens or was of another length"
+        )
+    said += route_warnings(result)
+    for method, name, distance in disagreements(result.methods):
+        said.append(f"{method.name} has no value of {name} to compare ({method.ended})")
+        if isfinite(distance):
+            said[-1] = (
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
+                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
+                f"answer ({method.ended})"
+            )
+    if "shape only" in routes and "paper" not in routes:
+        said.append(
+            "no surrogate can be fitted to the cost Phi of Eq. (M.5) over the runs: the optimum of that cost "
+            "is left out, and the answer does not depend on it"
+        )
+    said += [*bound_warnings(result), *past_curve_warning(share, reached, checks)]
+    if "conditioned_ratio" in checks:
+        ratio = checks["conditioned_ratio"]
+        said.append(
+            f"m refers to the first pull; the stress of the conditioned curve is {ratio:.3g} times as "
+            f"large, and m relative to it would be about {1.0 / ratio:.3g} times as large: --pull "
+            "conditioned identifies it"
+        )
+    if (imbalance := worst_imbalance(response)) > IMBALANCE:
+        said.append(f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for")
+    said += hourglass_warning(response)
+    said += [] if mesh is None else folded_warning(response, mesh, interface, named)
+    said += lost_runs(result.design, "; the surrogate uses the others")
+    if lost_replicates:
+        said.append(
+            f"{lost_replicates} replicates of the input noise did not complete; the interval uses the others"
+        )
+    if t.n_outside:
+        said.append(
+            f"{t.n_outside} of {t.n_outside + t.n_shape} outline points lie outside the simulated outline "
+            "at the optimum and are not counted"
+        )
+    searched = result.surrogate.get("counted_points", float(t.n_shape))
+    if searched < t.n_shape:
+        said.append(
+            f"{t.n_shape - searched:.0f} of {t.n_shape} outline points were not counted in the search, "
+            "because some run of the design does not reach them"
+        )
+    said += [*symmetry_warning(checks), *flyer_warnings(checks), *force_noise_warnings(checks)]
+    if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
+        said.append(
+            f"the outline's residuals are {sqrt(t.n_shape / t.chi2_shape):.2g} times smaller than its "
+            "declared sigma, which cannot be right; check centre_line.sigma"
+        )
+    said += [*lost_mesh_runs(lost_meshes, result.mesh), *mesh_warnings(result)]
+    said += [
+        f"the interval does not include the noise of the {source}"
+        for source in ("flyer motion", "material curve")
+        if result.estimates and not any(source in e.noise_parts for e in result.estimates.values())
+    ]
+    return (*said, *sliding_warning(interface, named))

@@ -94,9 +94,9 @@ def checked_bars(shot: CheckedBars, panels: Panels) -> str:
     low, high = ax.get_xlim()
     ax.set_xlim(min(low, US * min(times)), max(high, US * max(times)))
     return (
-        f"Strain at the gauges on the shot’s clock, {shot.load} positive, with the windows of the pulses (by "
-        f"{shot.windows.source}), and the baselines (grey), which give zero and noise: no part of a pulse "
-        "may lie in them. Dotted: where the reflected and the transmitted pulse are predicted by the "
+        f"Strain at the gauges on the shot’s clock, {shot.given.load} positive, with the windows of the "
+        f"pulses (by {shot.windows.source}), and the baselines (grey), which give zero and noise: no part of "
+        "a pulse may lie in them. Dotted: where the reflected and the transmitted pulse are predicted by the "
         "distances and wave speeds."
     )
 

@@ -18,7 +18,7 @@ from kolsky.diagnosis.fit_quality import (
     block_noise,
     blocks,
     correlated,
-    explained,
+    explains,
     fit_quality,
     fit_warnings,
     in_quadrature,
@@ -485,10 +485,10 @@ def test_the_leading_lag_beyond_three_sigma_is_named() -> None:
 
 
 def test_nothing_is_explained_without_limits() -> None:
-    assert explained(with_fit())
-    assert not explained(with_fit(force={"residual": 0.402}))
-    assert not explained(with_fit(force={"limit": float("inf")}))
-    assert not explained(replace(synthetic(nodes=False), fit=()))
+    assert explains(with_fit().fit)
+    assert not explains(with_fit(force={"residual": 0.402}).fit)
+    assert not explains(with_fit(force={"limit": float("inf")}).fit)
+    assert not explains(())
 
 
 def test_excess_is_residual_over_the_quadrature_of_what_is_predicted() -> None:

@@ -16,6 +16,7 @@ from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import (
     FrontPath,
+    MovedFront,
     PathModes,
     credible,
     data_change,
@@ -39,7 +40,7 @@ def test_modes_move_path_and_data_alike() -> None:
     # Their outer products are those of the changes.
     change = deviations @ response
     np.testing.assert_allclose(modes.patterns.T @ modes.patterns, change.T @ change, atol=1e-12)
-    moved = modes.moved(REST, np.array([1.5, -2.0]))
+    moved = MovedFront(REST, modes, np.array([1.5, -2.0])).path
     np.testing.assert_allclose(moved.jerk @ response, np.array([1.5, -2.0]) @ modes.patterns, atol=1e-12)
 
 
@@ -134,7 +135,7 @@ def test_modes_take_the_place_of_the_changes_they_are_made_of() -> None:
     amplitudes = np.array([1.5, -2.0])
     fewer, shares = modes.own_jerks, modes.amplitudes(amplitudes @ modes.shares)
     # Two runs, the same path, and the same patterns.
-    np.testing.assert_allclose(shares @ fewer, modes.moved(REST_4, amplitudes).jerk, atol=1e-12)
+    np.testing.assert_allclose(shares @ fewer, MovedFront(REST_4, modes, amplitudes).path.jerk, atol=1e-12)
     again = PathModes.of(fewer @ response, np.full(9, 0.2), fewer)
     np.testing.assert_allclose(
         again.patterns.T @ again.patterns, modes.patterns.T @ modes.patterns, atol=1e-12

@@ -58,7 +58,9 @@ class Made:
         self.mesh, self.refined = NUMERICS, NUMERICS.with_mesh(REFINED)
         self.unknowns = SimpleNamespace(box=SimpleNamespace(lower=(-9.0,), upper=(9.0,)))
         shot = SimpleNamespace(objective=SimpleNamespace(times=np.array([0.0, 1.0])))
-        self.stack = SimpleNamespace(data=np.array([3.0, 5.0]), shots=(shot,), ends=(2,))
+        self.stack = SimpleNamespace(
+            data=np.array([3.0, 5.0]), shots=(shot,), ends=(2,), weighting=self.whitening
+        )
         self.lost, self.learnt = lost, []  # type: ignore[var-annotated]
 
     def predict(self, stage: str, points: np.ndarray, numerics: Numerics) -> np.ndarray:
@@ -164,7 +166,7 @@ class MadeSteps:
         self.batches = 0
         self.refined = Numerics(mesh=(64, 86))
         self.unknowns = SimpleNamespace(box=SimpleNamespace(lower=(-1.0, -1.0), upper=(1.0, 1.0)))
-        self.stack = SimpleNamespace(data=SLOPES @ TRUE)
+        self.stack = SimpleNamespace(data=SLOPES @ TRUE, weighting=self.whitening)
 
     def predict(self, stage: str, points: np.ndarray, numerics: Numerics) -> np.ndarray:
         assert numerics.mesh == (64, 86)

@@ -18,7 +18,7 @@ from kolsky.base.toml import TomlFile
 from kolsky.shot.bars import load_waves
 from kolsky.shot.evidence import Evidence, fitting_factor, fitting_unit, power_of_1000
 from kolsky.shot.load import check_shot, load_shot
-from kolsky.shot.plausibility import findings, gate, quasi_static_stress
+from kolsky.shot.plausibility import RULES, gate, quasi_static_stress
 
 TEXT = """
 [specimen]
@@ -64,7 +64,8 @@ def known(*changes: tuple[str, str], declared: Declared | None = None, **found: 
 
 def words(evidence: Evidence, *, contradiction: bool = True) -> str:
     """What the rules say of one kind."""
-    return "\n".join(str(f.error) for f in findings(evidence) if f.contradiction == contradiction)
+    found = [finding for rule in RULES for finding in rule(evidence)]
+    return "\n".join(str(error) for error, contradicts in found if contradicts == contradiction)
 
 
 def test_the_force_is_not_the_channel_of_the_other_bar() -> None:

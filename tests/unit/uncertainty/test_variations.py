@@ -21,14 +21,7 @@ from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.printed import printed_sensitivities, signed_percent
 from kolsky.shot.load import load_shot
 from kolsky.uncertainty.analyse import FORCE_BINS, SEARCHED, WINDOW_END, _halves, shorter_window, wider_bins
-from kolsky.uncertainty.budgets import (
-    InputChanges,
-    Sources,
-    budgeted,
-    noise_parts,
-    root_sum_squares,
-    route_difference,
-)
+from kolsky.uncertainty.budgets import InputChanges, Sources, budgeted, noise_parts, route_difference
 from kolsky.uncertainty.declarations import (
     UNDECLARED,
     amount_text,
@@ -287,7 +280,7 @@ def test_what_moves_both_alike_is_no_part_of_their_difference() -> None:
     pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
     found = route_difference(NAMES, pair, alike)
     assert found.values == pytest.approx({"stiffness_factor": 0.0, "damping": 0.0}, abs=1e-12)
-    own = root_sum_squares({"residuals": np.sqrt(np.diag(pair[0].residual + pair[1].residual))})
+    own = np.sqrt(np.diag(pair[0].residual + pair[1].residual))
     np.testing.assert_allclose(list(found.sigma.values()), own, rtol=1e-12)
     # Each alone has it all: 0.3 of the flyer, and of the mesh what an order of 2.1 corrects more than 3.2.
     parts = {part.source: part.sigma for part in budgeted(NAMES, pair[0], alike).budget}
