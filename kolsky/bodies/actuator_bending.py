@@ -1,14 +1,10 @@
 """Bending angle of an actuator under a pressure and gravity, and the pressure for a target angle.
 
-The inverse uses Newton's method with the exact slope, or bounded least squares for several pressures.
+The pressures for a target are found by SciPy's trust region with bounds (Branch, Coleman and Li 1999). Its
+residuals are (Theta - Theta_d) and, for a target of the tip, (t - t_d) / L, with their exact Jacobian. For
+one pressure and one angle its step is Newton's,
 
-For one pressure and one angle the sensitivity of the equilibrium gives the step,
-
-    p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
-
-The step stays inside the bracket of the computed angles. A step that would leave it is replaced by bisection.
-Several pressures, or a target position of the tip, are found by SciPy's trust region with bounds (Branch,
-Coleman and Li 1999). Its residuals are (Theta - Theta_d) and (t - t_d) / L, with their exact Jacobian.
+    p <- p - (Theta(p) - Theta_d) / (dTheta/dp).                                               (A.2)
 """
 
 from collections.abc import Sequence
@@ -74,42 +70,27 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     pressures, asked = schedule(spec.pressures)
     directions = []
     for name, g in spec.gravities.items():
-        runs: list[Bending | None] = []
-        paths: list[ArcPath | None] = []
-        for body in (None, spec.healed):
-            if body is None and runs:
-                runs.append(None)
-                continue
-            run, path = _simulated(spec, g, pressures, body)
-            paths.append(path)
-            outcome = run.solution.outcome
-            if not outcome.ok:
-                reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
-                raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
-            runs.append(run)
-        assert runs[0] is not None
-        gap, contact = smallest_gap(runs[0]), touching(runs[0])
-        forces = forces_outside(runs[0])
-        directions.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact, forces))
+        run, path = _simulated(spec, name, g, pressures, None)
+        healed = None if spec.healed is None else _simulated(spec, name, g, pressures, spec.healed)[0]
+        gap, contact, forces = smallest_gap(run), touching(run), forces_outside(run)
+        directions.append(Direction(name, run, healed, asked, gap, path, contact, forces))
     return directions
 
 
 def _simulated(
-    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, body: Solid | None
+    spec: ActuatorSpec, name: str, gravity: FloatArray, pressures: FloatArray, body: Solid | None
 ) -> tuple[Bending, ArcPath | None]:
     """Equilibria step by step, or along the path if SPEC declares one."""
-    section = spec.declared.path
+    section, path = spec.declared.path, None
     constants = spec.actuator.constants(body=body)
     if section is None:
-        return spec.actuator.simulate(gravity, pressures, constants=constants), None
-    return spec.actuator.follow(
-        gravity,
-        pressures,
-        first=section.first,
-        steps=section.steps,
-        longest=section.longest,
-        constants=constants,
-    )
+        run = spec.actuator.simulate(gravity, pressures, constants=constants)
+    else:
+        run, path = spec.actuator.follow(gravity, pressures, constants=constants, **dict(section))
+    if not run.solution.outcome.ok:
+        reached, outcome = 1e-5 * pressures[max(run.solution.reached - 1, 0)], run.solution.outcome
+        raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
+    return run, path
 
 
 def path_angle(path: ArcPath) -> FloatArray:
@@ -219,10 +200,10 @@ def relative_bend(one: Direction) -> FloatArray:
         return np.asarray((after / before - 1.0)[one.asked])
 
 
-TOLERANCE = 1e-6
-"""Largest difference from the target angle [rad]."""
-ITERATIONS = 25
-"""Maximum number of equilibria in a search."""
+TOLERANCE = 1e-4
+"""Largest difference from the target angle [rad], and from the target tip over the length [-]."""
+AT_BOUND = 1e-3
+"""A pressure is at a bound if its distance from it is below this, as a share of the largest pressure [-]."""
 RAMP = 4
 """Number of steps to the first pressure."""
 
@@ -254,55 +235,6 @@ class Inversion:
     equilibria: int
 
 
-def pressure_for(
-    actuator: Actuator, gravity: Sequence[float] | FloatArray, angle: float, *, most: float
-) -> Inversion:
-    """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
-
-    ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad]. ``most``: largest pressure,
-    or suction if below 0 [Pa]. Suction bends the other way. The search then reverses the signs of angle and
-    pressure, and its function increases.
-    """
-    rest, memory = actuator.simulate(gravity, np.zeros(1)), _Memory(actuator, gravity)
-    way = -1.0 if most < 0.0 else 1.0
-    start = Search(way * angle, way * most, way * float(rest.angle[0]), 0.5 * way * most)
-    if not rest.solution.outcome.ok or start.wanted < start.low_angle - TOLERANCE:
-        ended = SearchEnd.BELOW if rest.solution.outcome.ok else SearchEnd.FAILED
-        return _inversion(angle, rest, ended, 1)
-    for n in range(2, ITERATIONS + 2):
-        try:
-            near = memory.at(np.full(len(actuator.cavities), way * start.pressure))
-        except _NoEquilibriumError as error:
-            return _inversion(angle, error.bend, SearchEnd.FAILED, n)
-        value, slope = float(near.angle[-1]), float(near.slopes()[-1].sum())
-        if abs(value - angle) <= TOLERANCE:
-            return _inversion(angle, near, SearchEnd.YES, n)
-        if start.pressure == start.most and way * value < start.wanted:
-            return _inversion(angle, near, SearchEnd.ABOVE, n)
-        start.take(way * value, slope)
-    return _inversion(angle, near, SearchEnd.NOT_CONVERGED, ITERATIONS + 1)
-
-
-class Search:
-    """The bracket of an increasing function, and the next trial pressure."""
-
-    def __init__(self, wanted: float, most: float, at_zero: float, first: float) -> None:
-        self.wanted, self.most = wanted, most
-        self.low, self.low_angle, self.high = 0.0, at_zero, most
-        self.pressure = first
-
-    def take(self, angle: float, slope: float) -> None:
-        """Update the bracket with the angle and slope at `pressure`."""
-        if angle < self.wanted:
-            self.low = self.pressure
-        else:
-            self.high = self.pressure
-        step = self.pressure - (angle - self.wanted) / slope if slope > 0.0 else np.nan
-        inside = self.low < step < self.high
-        beyond = step >= self.high == self.most  # no computed angle above it yet: search there
-        self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
-
-
 def _inversion(angle: float, at: Bending, ended: SearchEnd, equilibria: int) -> Inversion:
     if not at.solution.outcome.ok:
         empty = np.full(at.pressures.shape[1], np.nan)
@@ -318,7 +250,10 @@ def pressures_for(
     tip: Sequence[float] | FloatArray | None = None,
     most: float,
 ) -> Inversion:
-    """Find the pressure of each cavity, in [0, most], for a target angle [rad] and, if given, tip [m]."""
+    """Find the pressure of each cavity for a target angle [rad] and, if given, tip [m].
+
+    ``gravity``: acceleration of free fall [m/s^2]. ``most``: largest pressure, or suction if below 0 [Pa].
+    """
     count, memory = len(actuator.cavities), _Memory(actuator, gravity)
     size = float(np.ptp(actuator.mesh.points[:, 0]))
 
@@ -338,8 +273,11 @@ def pressures_for(
     except _NoEquilibriumError as error:
         return _inversion(angle, error.bend, SearchEnd.FAILED, memory.equilibria)
     near = memory.at(most * best.x)
-    close = float(np.abs(best.fun).max()) <= 1e2 * TOLERANCE
-    ended = SearchEnd.YES if close else SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
+    ended = SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
+    if float(np.abs(best.fun).max()) <= TOLERANCE:
+        ended = SearchEnd.YES
+    elif count == 1 and tip is None and min(best.x[0], 1.0 - best.x[0]) < AT_BOUND:
+        ended = SearchEnd.ABOVE if best.x[0] > 0.5 else SearchEnd.BELOW
     return _inversion(angle, near, ended, memory.equilibria)
 
 

@@ -15,7 +15,7 @@ and the measurement be delayed by d ticks. The loop is stable for
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter, process_time, sleep
@@ -26,9 +26,9 @@ from scipy.interpolate import PchipInterpolator
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.base.hdf5 import Format, reading, writing
 from kolsky.base.hdf5_records import COLLECTION, Flags, Floats, Integers, Record, Text
-from kolsky.bodies.actuator_model import WEIGHT, Actuator, Bending, bend_of, bend_slope, smallest_gap
+from kolsky.bodies.actuator_model import WEIGHT, Actuator, bend_of, bend_slope, smallest_gap
 from kolsky.bodies.actuator_reading import ControlSection
-from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Sample, reduce
+from kolsky.equilibrium.reduction import ReducedModel, ReducedState, Sample, reduce
 from kolsky.equilibrium.solution import Outcome
 
 FINER = 3
@@ -63,13 +63,12 @@ class ReducedActuator:
         tip, origin = (mesh.points[mesh.nodes(where)].mean(axis=0) for where in ("tip", "origin"))
         self._rest = tip - origin
         self._modes = reduced.rows("tip") - reduced.rows("origin")
-        self._rows = reduced.constants()
 
     def bend(
         self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9
     ) -> ReducedBend:
         """The bend under a pressure [Pa]. The search starts from nearby amplitudes."""
-        state = self.reduced.equilibrium([pressure], start=start, rows=self._rows, tolerance=tolerance)
+        state = self.reduced.equilibrium([pressure], start=start, tolerance=tolerance)
         chord = self._rest + self._modes @ state.q
         slope = float(bend_slope(chord) @ (self._modes @ state.slopes[:, 0]))
         return ReducedBend(float(bend_of(chord)), slope, state)
@@ -127,21 +126,21 @@ def reduce_actuator(
     if not outcome.ok:
         reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
         raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
-    first, between = _every(whole, 0), _every(whole, 1)
+    model, snapshots = whole.solution.model, whole.solution.displacements[::2]
+    check, angle = pressures[1::2], whole.angle[1::2]
     gaps = smallest_gap(whole)
     gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
     found = None
     for finer in range(FINER + 1):
-        made = ReducedActuator(
-            reduce([first.solution], modes=modes, tolerance=0.1**finer * tolerance, gravity=WEIGHT)
-        )
+        choice = 0.1**finer * tolerance
+        made = ReducedActuator(reduce(model, snapshots, modes=modes, tolerance=choice, gravity=WEIGHT))
         try:
-            angles = _reduced_angles(made, between.pressures[:, 0])
+            angles = _reduced_angles(made, check)
         except ValueError:
             if within is None or finer == FINER:
                 raise
             continue
-        found = Reduction(made, between.pressures[:, 0], between.angle, angles - between.angle, gap)
+        found = Reduction(made, check, angle, angles - angle, gap)
         if within is None or found.error_up_to(within[0]) <= within[1]:
             break
     assert found is not None
@@ -161,21 +160,6 @@ def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
         angles.append(bend.angle)
         start = bend.state.q
     return np.array(angles)
-
-
-def _every(whole: Bending, offset: int) -> Bending:
-    """Every second step."""
-    s = whole.solution
-    part = slice(offset, None, 2)
-    cut = replace(
-        s,
-        steps={name: values[part] for name, values in s.steps.items()},
-        displacements=s.displacements[part],
-        forces=s.forces[part],
-        energy=s.energy[part],
-        reached=len(s.displacements[part]),
-    )
-    return Bending(cut, whole.pressures[part])
 
 
 ANGLE_TOLERANCE = 1e-5
@@ -370,11 +354,10 @@ CURE = "delete it: it is made again from the SPEC"
 
 @dataclass(frozen=True)
 class StoredBasis:
-    """Fields of `Basis`, `Sample`, `Reduction` and `Plant` as stored in a file, in the units of `_BASIS`."""
+    """A reduction and its plant as stored in a file, in the units of `_BASIS`."""
 
     key: str
     modes: FloatArray
-    singular: FloatArray
     cells: IntArray
     weights: FloatArray
     residual: float
@@ -383,7 +366,6 @@ class StoredBasis:
     angle: FloatArray
     error: FloatArray
     gap: float
-    plant_pressure: FloatArray
     plant_angle: FloatArray
 
 
@@ -393,7 +375,6 @@ _BASIS = Record(
     {
         "key": Text(),
         "modes": Floats("1", "components modes"),
-        "singular": Floats("m", "snapshots"),
         "cells": Integers("1", "elements"),
         "weights": Floats("1", "elements"),
         "residual": Floats("1"),
@@ -402,7 +383,6 @@ _BASIS = Record(
         "angle": Floats("rad", "unseen"),
         "error": Floats("rad", "unseen"),
         "gap": Floats("m"),
-        "plant_pressure": Floats("Pa", "plant"),
         "plant_angle": Floats("rad", "plant"),
     },
 )
@@ -437,7 +417,7 @@ def _restored(basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] |
     if len(basis.modes) != model.n_dofs or not (basis.cells < len(model.mesh.cells)).all():
         raise ValueError("the stored basis is of another mesh: delete it")
     sample = Sample(basis.cells, basis.weights, basis.residual, basis.reached)
-    reduced = ReducedModel(model, Basis(basis.modes, basis.singular), sample, gravity=WEIGHT)
+    reduced = ReducedModel(model, basis.modes, sample, gravity=WEIGHT)
     return Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
 
 
@@ -479,33 +459,31 @@ def _prepared(
 ) -> tuple[Reduction, Plant]:
     """The reduction and the plant for a direction of gravity, from the folder if it contains them."""
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
+    pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
+    camera = (section.lag, section.delay, section.noise)
     file = None if basis is None else basis / f"{name}.h5"
     if file is not None and file.exists():
         with reading(file, FORMAT, cure=CURE) as place:
-            found = _BASIS.read(place)
-        if found.key == key:
-            made = _restored(found, actuator, gravity)
-            camera = (section.lag, section.delay, section.noise)
-            return made, Plant(found.plant_pressure, found.plant_angle, *camera)
+            stored = _BASIS.read(place)
+        if stored.key == key:
+            return _restored(stored, actuator, gravity), Plant(pressures, stored.plant_angle, *camera)
     made = reduce_actuator(
         actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
         seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
     )  # fmt: skip
-    pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
     run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
     if not run.solution.outcome.ok:
         raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
-    plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
     if file is not None:
-        own, sample = made.model.reduced.basis, made.model.reduced.sample
+        reduced = made.model.reduced
         file.parent.mkdir(parents=True, exist_ok=True)
         with writing(file, FORMAT) as place:
-            found = StoredBasis(
-                key, own.modes, own.values, sample.cells, sample.weights, sample.residual, sample.reached,
-                made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
+            stored = StoredBasis(
+                key=key, modes=reduced.V, **vars(reduced.sample), pressure=made.pressure, angle=made.angle,
+                error=made.error, gap=made.gap, plant_angle=run.angle,
             )  # fmt: skip
-            _BASIS.write(place, found)
-    return made, plant
+            _BASIS.write(place, stored)
+    return made, Plant(pressures, run.angle, *camera)
 
 
 def check_targets(

@@ -8,7 +8,6 @@ import numpy as np
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
-from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.sheet import (
     NEIGHBOURS,
     NOISE_POINTS,
@@ -178,7 +177,7 @@ def _sheet(
         order = [*constants.regions, *(n for n in groups if n not in (section.region, *constants.regions))]
         for number, name in enumerate(order, start=1):
             regions[groups[name]] = number
-    elif section.held or section.regions:
+    elif section.regions:
         raise toml.error(
             "field.region", "is missing", cure="name the group of surfaces that [material] is of"
         )
@@ -209,15 +208,10 @@ def _further(
     law, values, free, regions = constants.law, dict(constants.values), list(constants.free), []
     fixed = {}
     for name in names:
-        if name in section.held:
-            fixed[name] = _fixed_constants(toml, law, name, section.held[name])
-            continue
-        if name not in section.regions:
-            raise toml.error(
-                "field.held", f"says nothing of the region {name}", cure=f"add it, or [field.regions.{name}]"
-            )
-        own = section.regions[name]
         key = f"field.regions.{name}"
+        if name not in section.regions:
+            raise toml.error(key, "is missing", cure="add its constants and poisson; free = [] holds them")
+        own = section.regions[name]
         given = read_constants(toml, f"{key}.constants", law, own.constants) | {POISSON: own.poisson}
         if not own.free:
             fixed[name] = given
@@ -230,18 +224,6 @@ def _further(
         free += [f"{name}.{one}" for one in own.free]
     held = {len(regions) + k: solid_of(law, given) for k, given in enumerate(fixed.values(), start=1)}
     return Constants(law, values, tuple(free), tuple(regions)), held
-
-
-def _fixed_constants(toml: TomlFile, law: str, name: str, given: object) -> dict[str, float]:
-    key = f"field.held.{name}"
-    if not isinstance(given, dict) or POISSON not in given:
-        raise toml.error(key, "is not a table with poisson and the law's constants")
-    rest = {k: v for k, v in given.items() if k != POISSON}
-    try:
-        nu = quantity(given[POISSON], "1") if isinstance(given[POISSON], str) else float(given[POISSON])
-    except (UnitError, TypeError, ValueError):
-        raise toml.error(f"{key}.{POISSON}", "is not a number") from None
-    return {**read_constants(toml, key, law, rest), POISSON: nu}
 
 
 def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:

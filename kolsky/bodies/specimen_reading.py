@@ -74,7 +74,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
         cure = "correct its name; `kolsky specimen new FOLDER` writes a SPEC.toml to fill in"
         raise InputError(Path(path), "there is no such file", cure=cure)
     toml, declared = read_toml(Path(path), SpecimenFile)
-    material, numerics = declared.material, declared.numerics
+    material = declared.material
     values = read_constants(toml, "material.constants", material.law, material.constants)
     with toml.refusing("material.constants", "are not those of the law"):
         constants = Constants(material.law, {**values, POISSON: material.poisson}, tuple(material.free))
@@ -83,9 +83,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     for name, section in declared.tests.items():
         shape = shape_of(
             section,
-            element=numerics.element,
-            gauss=numerics.gauss,
-            symmetry=numerics.symmetry,
+            element=declared.numerics.element,
             density=material.density,
             body=None if section.mesh is None else _body(toml, f"tests.{name}", section, inputs),
         )

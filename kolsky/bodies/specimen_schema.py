@@ -45,11 +45,9 @@ class MaterialSection(Section):
 
 
 class NumericsSection(Section):
-    """[numerics]: elements and steps."""
+    """[numerics]: the elements."""
 
     element: Literal["hex27", "hex8"] = "hex27"
-    gauss: Annotated[int, Field(ge=1, le=6)] | None = None
-    symmetry: bool = True
 
 
 class TestSection(Section):
@@ -201,7 +199,6 @@ class FieldSection(Section):
     sigma_displacement: f.LengthDeviation | None = None
     sigma_force: ForceDeviation
     region: f.Name | None = None
-    held: dict[str, Any] = Field(default_factory=dict)
     regions: dict[f.Name, RegionSection] = Field(default_factory=dict)
 
 

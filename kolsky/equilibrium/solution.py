@@ -30,11 +30,6 @@ class Outcome(NamedOutcome):
         "the tangent stiffness is singular",
         "hold the rigid motions of every part, or look for buckling",
     )
-    THICKNESS = (
-        4,
-        "no thickness stretch makes the stress across the sheet zero",
-        "check the constants of the law, or end the history earlier",
-    )
     PENETRATION = (
         5,
         "a contact did not close within its tolerance",

@@ -25,20 +25,6 @@ class Factors(Protocol):
         ...
 
 
-class LinearSolver(Protocol):
-    """Factorises sums of element matrices of one mesh."""
-
-    worth: int
-    """Number of solutions that take about the time of one factorisation."""
-
-    def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
-        """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
-
-        Raises SingularError if it is singular.
-        """
-        ...
-
-
 ENTRIES = 20_000_000
 """Maximum number of matrix entries that are sorted together, which limits the memory [-]."""
 
