@@ -55,10 +55,10 @@ class GeometrySection(Section):
         if self.mesh is None:
             return self
         extra = sorted(self.model_fields_set - {"mesh", "mesh_unit"})
-        if extra:
-            raise f.problem("has no effect with a mesh", key=extra[0], cure="remove it")
-        if self.mesh_unit is None:
-            raise f.problem("is missing", key="mesh_unit", cure='write the unit of its points, e.g. "mm"')
+        f.reject(
+            (bool(extra), "".join(extra[:1]), "has no effect with a mesh", "remove it"),
+            (self.mesh_unit is None, "mesh_unit", "is missing", 'write the unit of its points, e.g. "mm"'),
+        )
         return self
 
 
@@ -217,26 +217,24 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        if any(b <= a for a, b in pairwise(sizes)):
-            raise f.problem(
-                "do not rise", key="pressures", cure="list them from small to large, as suction too"
-            )
-        if min(self.pressures) < 0.0 < max(self.pressures):
-            raise f.problem(
-                "are of both signs", key="pressures", cure="simulate pressure and suction from two files"
-            )
-        if self.path is not None and self.pressures[-1] < 0.0:
-            raise f.problem("follows pressures above 0", key="path", cure="remove it for suction")
-        if self.path is not None and self.plane:
-            raise f.problem("is not followed against a plane", key="path", cure="remove [path] or [plane]")
-        if self.blocked is not None and self.invert is not None:
-            raise f.problem("has no effect on a blocked actuator", key="invert", cure="remove one of them")
-        if self.motion is not None and self.plane:
-            raise f.problem(
-                "is not simulated against a plane", key="motion", cure="remove [motion] or [plane]"
-            )
-        if not self.gravity:
-            raise f.problem("is empty", key="gravity", cure="write e.g. downward = [0.0, 0.0, -9.81]")
+        low, high, path = min(self.pressures), max(self.pressures), self.path is not None
+        falling, on_a_plane = any(b <= a for a, b in pairwise(sizes)), bool(self.plane)
+        blocked = self.blocked is not None and self.invert is not None
+        moved = self.motion is not None and on_a_plane
+        f.reject(
+            (falling, "pressures", "do not rise", "list them from small to large, as suction too"),
+            (
+                low < 0.0 < high,
+                "pressures",
+                "are of both signs",
+                "simulate pressure and suction from two files",
+            ),
+            (path and low < 0.0, "path", "follows pressures above 0", "remove it for suction"),
+            (path and on_a_plane, "path", "is not followed against a plane", "remove [path] or [plane]"),
+            (blocked, "invert", "has no effect on a blocked actuator", "remove one of them"),
+            (moved, "motion", "is not simulated against a plane", "remove [motion] or [plane]"),
+            (not self.gravity, "gravity", "is empty", "write e.g. downward = [0.0, 0.0, -9.81]"),
+        )
         return self
 
 

@@ -173,8 +173,7 @@ def shape_of(section: TestSection, *, element: str, density: float | None, body:
     if body is not None:
         return BodyShape(
             section.shape, (x, y, z), 0.0, (1, 1, 1), element=body.kind, axis="xyz".index(section.axis),
-            body=body, frictionless=section.frictionless, sphere=section.sphere,
-            declared_apex=None if section.apex is None else tuple(section.apex), **weight,
+            body=body, frictionless=section.frictionless, sphere=section.sphere, **weight,
         )  # fmt: skip
     nx, ny, nz = section.elements or ()
     return Shape(
@@ -193,8 +192,6 @@ class BodyShape(Shape):
     """True if the points of the moving group slide across that axis, as under a lubricated punch."""
     sphere: float | None = None
     """Radius of a rigid sphere that presses on the moving group without friction [m]; None: no sphere."""
-    declared_apex: tuple[float, ...] | None = None
-    """Point of the sphere that touches first, at displacement 0 [m], shape [3]; None: see `apex`."""
 
     @property
     def way(self) -> float:
@@ -208,9 +205,7 @@ class BodyShape(Shape):
 
     @property
     def apex(self) -> FloatArray:
-        """The declared apex, or the middle of the outermost points of the moving group [m], shape [3]."""
-        if self.declared_apex is not None:
-            return np.asarray(self.declared_apex)
+        """First point of the sphere to touch: the middle of the outermost moving points [m], shape [3]."""
         points = self.mesh.points[self.mesh.nodes("bond_x+")]
         height = -self.way * points[:, self.axis]
         outermost = points[height >= height.max() - TIGHT * max(self.size)]

@@ -8,7 +8,6 @@ from kolsky.schema import fields as f
 from kolsky.schema.fields import ColumnSection, LengthColumn, Section, TextLayoutSection
 
 ForceDeviation = Annotated[float, BeforeValidator(f.physical("N", "> 0", "a standard deviation"))]
-Displacement = Annotated[float, BeforeValidator(f.physical("m"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 
 
@@ -65,7 +64,6 @@ class TestSection(Section):
     axis: Literal["x", "y", "z"] = "x"
     frictionless: bool = False
     sphere: f.Length | None = None
-    apex: Annotated[list[Displacement], Field(min_length=3, max_length=3)] | None = None
     arm: f.Length | None = None
     waist: f.Length | None = None
     straight: f.Length | None = None
@@ -81,54 +79,35 @@ class TestSection(Section):
 
     @model_validator(mode="after")
     def _of_the_shape(self) -> "TestSection":
-        only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone"}
-        only |= dict.fromkeys(("mesh", "mesh_unit", "moving", "fixed", "sphere", "apex"), "mesh")
+        only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone", "sphere": "mesh"}
+        only |= dict.fromkeys(("mesh", "mesh_unit", "moving", "fixed"), "mesh")
+        only |= dict.fromkeys(("size", "elements"), "no mesh")
+        meshed, sheared = self.shape == "mesh", self.load == "shear"
         for key, shape in only.items():
-            optional = key in ("sphere", "apex") and self.shape == shape
-            if not optional and (getattr(self, key) is not None) != (self.shape == shape):
-                problem = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
-                raise f.problem(problem, key=key, cure=f'it belongs to shape = "{shape}"')
-        if self.file is None and self.stroke is None:
-            raise f.problem(
-                "is missing", key="file", cure='add the file of the test, or stroke = "60 mm" to plan one'
+            belongs = self.shape == shape or (shape == "no mesh" and not meshed)
+            optional = key == "sphere" and belongs
+            if not optional and (getattr(self, key) is not None) != belongs:
+                problem = "is missing" if belongs else f'has no effect on a "{self.shape}"'
+                home = "every other shape" if shape == "no mesh" else f'shape = "{shape}"'
+                raise f.problem(problem, key=key, cure=f"it belongs to {home}")
+        for key in ("displacement", "force") if self.file is not None else ():
+            given = getattr(self, key) is not None
+            wrong = given and len(self.columns(key)) != self.ends
+            f.reject(
+                (not given, key, "is missing", 'write e.g. { column = "force", unit = "N" }'),
+                (wrong, key, f"must name {self.ends} column(s)", "a cross has one an axis"),
             )
-        if self.file is not None:
-            for key in ("displacement", "force"):
-                if getattr(self, key) is None:
-                    raise f.problem("is missing", key=key, cure='write e.g. { column = "force", unit = "N" }')
-                if len(self.columns(key)) != self.ends:
-                    raise f.problem(
-                        f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
-                    )
-        if self.shape == "mesh":
-            return self._of_a_mesh()
-        for key in ("size", "elements"):
-            if getattr(self, key) is None:
-                raise f.problem("is missing", key=key, cure='write three of it, or shape = "mesh"')
-        if (self.bond is None) != (self.shape == "block"):
-            problem = "has no effect on a block, whose end faces are glued" if self.bond else "is missing"
-            raise f.problem(problem, key="bond", cure="remove it" if self.bond else 'write e.g. "10 mm"')
-        if self.load == "shear" and self.shape != "block":
-            raise f.problem('is "shear"', key="load", cure='it belongs to shape = "block"')
-        length = 0.0 if self.size is None else self.size[0]
-        if self.bond is not None and 2.0 * self.bond >= length:
-            raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * length:g} m")
-        return self
-
-    def _of_a_mesh(self) -> "TestSection":
-        """Reject keys that belong to other shapes."""
-        given = [key for key in ("size", "elements", "bond") if getattr(self, key) is not None]
-        if self.load == "shear":
-            given.append("load")
-        if given:
-            cure = "remove it; axis, moving and fixed say how the body is loaded"
-            raise f.problem('has no effect on shape = "mesh"', key=given[0], cure=cure)
-        if self.apex is not None and self.sphere is None:
-            raise f.problem(
-                "has no effect without a sphere", key="apex", cure='add sphere = "5 mm", its radius'
-            )
-        if self.frictionless and self.sphere is not None:
-            raise f.problem("slides without friction", key="sphere", cure="remove the key frictionless")
+        glued, slides = meshed or self.shape == "block", self.frictionless and self.sphere is not None
+        planned = self.file is not None or self.stroke is not None
+        f.reject(
+            (not planned, "file", "is missing", 'add the file of the test, or stroke = "60 mm" to plan one'),
+            (slides, "sphere", "slides without friction", "remove the key frictionless"),
+            (self.bond is not None and glued, "bond", f'has no effect on a "{self.shape}"', "remove it"),
+            (self.bond is None and not glued, "bond", "is missing", 'write e.g. "10 mm"'),
+            (sheared and self.shape != "block", "load", 'is "shear"', 'it belongs to shape = "block"'),
+        )
+        if self.size is not None and self.bond is not None and 2.0 * self.bond >= self.size[0]:
+            raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
         return self
 
     @property
@@ -230,10 +209,12 @@ class SpecimenFile(Section):
 
     @model_validator(mode="after")
     def _something_to_fit(self) -> "SpecimenFile":
-        if not self.tests and self.field is None:
-            raise f.problem("is missing", key="tests", cure="add [tests.NAME], or [field] for a sheet")
-        if self.tests and self.field is not None:
-            raise f.problem("is given beside [tests]", key="field", cure="fit each from a separate file")
+        both = bool(self.tests) and self.field is not None
+        nothing = not self.tests and self.field is None
+        f.reject(
+            (nothing, "tests", "is missing", "add [tests.NAME], or [field] for a sheet"),
+            (both, "field", "is given beside [tests]", "fit each from a separate file"),
+        )
         named = [("fit.together", names) for names in self.fit.together.values()]
         named += [("plan.compare", names) for names in self.plan.compare or []]
         for key, names in named:

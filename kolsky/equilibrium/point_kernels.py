@@ -17,9 +17,7 @@ the mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
     A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
     B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
-where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2. Its limit for equal b is (K_ii - K_ij) / (2 b). On
-a GPU, element forces and stiffness are also summed here. On a CPU, BLAS is faster
-(`kolsky.equilibrium.points`).
+where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2. Its limit for equal b is (K_ii - K_ij) / (2 b).
 """
 
 from functools import cache
@@ -522,50 +520,3 @@ def stress_kernel(stress_of: Any, kinematics: str) -> Any:
             P[g, m] = stress[m // 3, m % 3]
 
     return deformations, stresses
-
-
-@cache
-def force_kernel(d: int, columns: int) -> Any:
-    """``forces[m, k d]`` from P of the points. Launched over (cells, nodes)."""
-    components, D = int(d), int(columns)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def forces(
-        E: wp.array4d(dtype=f64),
-        volumes: wp.array2d(dtype=f64),
-        P: wp.array3d(dtype=f64),
-        out: wp.array2d(dtype=f64),
-    ):
-        c, a = wp.tid()
-        for i in range(components):
-            total = f64(0.0)
-            for g in range(volumes.shape[1]):
-                at_point = f64(0.0)
-                for j in range(D):
-                    at_point += E[c, g, a, j] * P[c, g, i * D + j]
-                total += volumes[c, g] * at_point
-            out[c, a * components + i] = total
-
-    return forces
-
-
-@cache
-def stiffness_kernel(d: int, columns: int) -> Any:
-    """``K[m, k d, k d]`` from A dV of the points. Launched over (cells, nodes, nodes)."""
-    components, D = int(d), int(columns)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def stiffness(E: wp.array4d(dtype=f64), A: wp.array4d(dtype=f64), out: wp.array3d(dtype=f64)):
-        c, a, b = wp.tid()
-        for i in range(components):
-            for k in range(components):
-                total = f64(0.0)
-                for g in range(E.shape[1]):
-                    for j in range(D):
-                        row = f64(0.0)
-                        for l in range(D):
-                            row += A[c, g, i * D + j, k * D + l] * E[c, g, b, l]
-                        total += E[c, g, a, j] * row
-                out[c, a * components + i, b * components + k] = total
-
-    return stiffness
