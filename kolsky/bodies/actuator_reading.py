@@ -13,13 +13,11 @@ from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.actuator_model import TIGHT, Actuator, Part, Pneunet, outside
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
-from kolsky.bodies.specimen_reading import read_constants
+from kolsky.bodies.specimen_reading import read_body, read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
-from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
-from kolsky.readers.meshes import read_mesh
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
@@ -289,7 +287,9 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         _check_size(toml, max(shape.length, *shape.chamber))  # before a mesh of as many cells is made
         mesh, cavities = shape.mesh, shape.cavities
     else:
-        mesh = _mesh(toml, declared.geometry, inputs)
+        file, unit_of_points = declared.geometry.mesh, declared.geometry.mesh_unit
+        assert unit_of_points is not None  # checked by the schema
+        mesh = read_body(toml, "geometry.mesh", file, unit_of_points, inputs)
         cavities = tuple(sorted(name for name in mesh.sets if name.split("_")[0] == "cavity"))
         missing = [name for name in NEEDED if name not in mesh.sets] + ([] if cavities else ["cavity"])
         if missing:
@@ -472,14 +472,3 @@ def _solid(
         raise toml.error(f"{where}.D1", error.problem, cure='write "1.150 1/MPa" or "1.150 MPa"') from None
     except ValueError as error:
         raise toml.error(key, f"are not those of the law: {error}") from None
-
-
-def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
-    assert section.mesh is not None  # called only if declared
-    assert section.mesh_unit is not None  # checked by the schema
-    raw = read_mesh(toml.path.parent / section.mesh, dimension=3)
-    inputs[section.mesh] = raw.sha256
-    mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)
-    with toml.refusing("geometry.mesh", "has a bad cell", cure="mesh the body again"):
-        geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
-    return mesh

@@ -20,9 +20,8 @@ from kolsky.bodies.sheet import (
 )
 from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
 from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
-from kolsky.bodies.specimen_reading import Specification, read_constants
-from kolsky.bodies.specimen_schema import FieldSection
-from kolsky.bodies.specimen_studies import Expected, plan
+from kolsky.bodies.specimen_fit import Expected, plan
+from kolsky.bodies.specimen_reading import FieldSection, Specification, read_constants
 from kolsky.equilibrium.elements import ELEMENTS, element
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solid import Solid

@@ -15,7 +15,6 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import Linearised
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.bodies.specimen_schema import TestSection
 from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone
 from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed, RigidSurface
 from kolsky.equilibrium.sensitivity import Sensitivities, direct
@@ -166,22 +165,6 @@ class Shape:
         return np.asarray((np.abs(middle[:, : self.ends]) < 0.5 * free).all(axis=1))
 
 
-def shape_of(section: TestSection, *, element: str, density: float | None, body: Mesh | None = None) -> Shape:
-    """The shape in the table of a test. `body`: its mesh with its two sets, if the table names a file."""
-    x, y, z = np.ptp(body.points, axis=0).tolist() if body is not None else section.size or ()
-    weight = {} if section.gravity is None else {"gravity": tuple(section.gravity), "density": density}
-    if body is not None:
-        return BodyShape(
-            section.shape, (x, y, z), 0.0, (1, 1, 1), element=body.kind, axis="xyz".index(section.axis),
-            body=body, frictionless=section.frictionless, sphere=section.sphere, **weight,
-        )  # fmt: skip
-    nx, ny, nz = section.elements or ()
-    return Shape(
-        section.shape, (x, y, z), section.bond or 0.0, (nx, ny, nz), section.arm, section.waist,
-        section.straight, element, load=section.load, **weight,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True)
 class BodyShape(Shape):
     """A specimen from a mesh file. One group is held, another moves."""
@@ -222,7 +205,7 @@ class BodyShape(Shape):
     @property
     def mesh(self) -> Mesh:  # type: ignore[override]
         """The mesh of the file [m]."""
-        assert self.body is not None  # `shape_of` has given it
+        assert self.body is not None  # given at the creation
         return self.body
 
     def supports(self) -> list[Condition]:

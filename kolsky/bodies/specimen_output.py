@@ -10,9 +10,8 @@ from kolsky.base.files import columns_of, jsonable
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
-from kolsky.bodies.specimen_fit import SpecimenFit
+from kolsky.bodies.specimen_fit import Expected, SpecimenFit, cross_table
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.specimen_studies import Expected, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand

@@ -23,9 +23,8 @@ from mid_region import marker_stretch, mid_region_fit
 from kolsky.base.files import write_table
 from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, fit
+from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, cross_table, fit
 from kolsky.bodies.specimen_model import Shape, SpecimenModel
-from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import BINS, strain_share
 
 TRUE = {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.45}

@@ -40,10 +40,6 @@ class Compression:
     it."""
 
 
-class NoEquilibriumError(ValueError):
-    """No equilibrium was found. The message gives the strain."""
-
-
 GAUSS = 5
 """Gauss points of the side in each boundary element."""
 
@@ -335,7 +331,7 @@ class _March:
                 if self._creep(to):
                     size = STEP
                     continue
-                raise NoEquilibriumError(
+                raise ValueError(
                     f"no equilibrium near the last one at a compression of {100.0 * to:.1f} %: the body"
                     " buckles, folds or its law is unstable; end the curve earlier or take another law"
                 )

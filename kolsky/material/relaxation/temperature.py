@@ -22,7 +22,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.special import chdtrc
 
 from kolsky.base.arrays import FloatArray
-from kolsky.material.relaxation.evidence import DynamicTest
+from kolsky.material.relaxation.rate_fit import DynamicTest
 
 EQUAL_TEMPERATURES = 0.5
 """Temperatures are equal if they differ by less than this [K]."""

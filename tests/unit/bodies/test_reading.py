@@ -14,8 +14,8 @@ from kolsky.bodies.actuator_control import basis_key
 from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.bodies.sheet_reading import read_field
 from kolsky.bodies.specimen_constants import Constants, constants_of, law_curve, solid_of
+from kolsky.bodies.specimen_fit import cross_table, expected, plan
 from kolsky.bodies.specimen_reading import read_specification
-from kolsky.bodies.specimen_studies import cross_table, expected, plan
 from kolsky.material.reference_curve import curve_columns, curve_table
 from tests.unit.bodies.small import DOWN, MOST, actuator
 
@@ -132,7 +132,7 @@ def test_a_block_is_pushed_and_sheared(tmp_path: Path) -> None:
     assert across[0] == pytest.approx(-across[1], rel=1e-6)
     answer = model.linearised(NEO, NEO.start, steps[1:])
     assert answer.force[0, 0] == pytest.approx(across[1], rel=1e-6)
-    with pytest.raises(InputError, match=r"(?s)bond.*no effect on a block"):
+    with pytest.raises(InputError, match=r"(?s)bond.*no effect on a \"block\""):
         _read(tmp_path, BLOCK.replace("elements", 'bond = "2 mm"\nelements'))
     with pytest.raises(InputError, match=r"(?s)load.*belongs to shape"):
         _read(tmp_path, STRIP.replace("elements", 'load = "shear"\nelements'))
