@@ -87,9 +87,8 @@ def _simulated(
         run = spec.actuator.simulate(gravity, pressures, constants=constants)
     else:
         run, path = spec.actuator.follow(gravity, pressures, constants=constants, **dict(section))
-    if not run.solution.outcome.ok:
-        reached, outcome = 1e-5 * pressures[max(run.solution.reached - 1, 0)], run.solution.outcome
-        raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
+    reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
+    run.solution.outcome.require(f"{name}, beyond {reached:.3g} bar")
     return run, path
 
 
@@ -143,9 +142,7 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
             prony=prony, start=one.pristine.solution.displacements[0],
             start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
         )  # fmt: skip
-        if not run.outcome.ok:
-            reached = time[run.reached - 1]
-            raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")
+        run.outcome.require(f"{one.name}, beyond {time[run.reached - 1]:.4g} s")
         angle = bend_of(chord_of(model.mesh, run.displacements))
         motions.append(BendInTime(one.name, time, pressure, angle))
     return motions

@@ -122,10 +122,8 @@ def reduce_actuator(
         raise ValueError("the reduced model has no contact: remove [contact], [plane] and [blocked]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
-    outcome = whole.solution.outcome
-    if not outcome.ok:
-        reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
-        raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
+    reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
+    whole.solution.outcome.require(f"beyond {reached:.3g} bar")
     model, snapshots = whole.solution.model, whole.solution.displacements[::2]
     check, angle = pressures[1::2], whole.angle[1::2]
     gaps = smallest_gap(whole)
@@ -472,8 +470,7 @@ def _prepared(
         seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
     )  # fmt: skip
     run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
-    if not run.solution.outcome.ok:
-        raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
+    run.solution.outcome.require("the plant")
     if file is not None:
         reduced = made.model.reduced
         file.parent.mkdir(parents=True, exist_ok=True)

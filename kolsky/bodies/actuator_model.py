@@ -172,11 +172,8 @@ class Actuator:
             self.model(gravity), self.histories, until=float(pressures[-1]), first=first,
             others={WEIGHT: 1.0}, parameters=constants, steps=steps, longest=longest,
         )  # fmt: skip
-        if not path.outcome.ok:
-            highest = 1e-5 * float(path.load.max())
-            turned = ", where the pressure has a limit point" if path.limits.size else ""
-            cause, cure = path.outcome.cause, path.outcome.cure
-            raise ValueError(f"the path rises to {highest:.3g} bar{turned}: {cause}; {cure}")
+        turned = ", where the pressure has a limit point" if path.limits.size else ""
+        path.outcome.require(f"the path rises to {1e-5 * float(path.load.max()):.3g} bar{turned}")
         found = self.simulate(gravity, pressures, constants=constants, guess=path.crossings(pressures))
         return found, path
 

@@ -27,6 +27,7 @@ that shows where a displacement would constrain the constants most (K.28-36).
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -129,10 +130,12 @@ class FieldProblem:
         """The problem with the last step only."""
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
-    def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure. `near`: a start state."""
-        state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
-        return state if isinstance(state, str) else self._cost_of(state)
+    def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost:
+        """Eqs. (K.3-K.6) with derivatives from du/dm. `near`: a start state.
+
+        Raises ValueError with the reason if the simulation fails.
+        """
+        return self._cost_of(sheet_state(self.sheet, self.constants, free, self.data.pad, near))
 
     def advance(self, cost: Cost, step: FloatArray) -> Cost:
         """The cost after a short step of the constants, with fields extrapolated by their derivatives."""
@@ -177,7 +180,7 @@ class FieldProblem:
         square = np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in apart])
         return np.asarray(np.sqrt(square / self.sizes(state)))
 
-    def hessian(self, free: FloatArray, cost: Cost | str | None = None) -> FloatArray:
+    def hessian(self, free: FloatArray, cost: Cost | None = None) -> FloatArray:
         """Second derivatives of J, including the second derivatives of u and f, shape [p, p].
 
         They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost at these constants, if known.
@@ -185,8 +188,6 @@ class FieldProblem:
         Raises ValueError if a simulation fails.
         """
         cost = self.cost(free) if cost is None else cost
-        if isinstance(cost, str):
-            raise ValueError(f"second derivatives need a simulation: {cost}")
         state, data = cost.state, self.data
         chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
         own = len(chain)  # the fitted regions come first
@@ -555,9 +556,10 @@ def _search(
 ) -> _Search:
     """Minimise the cost. `remainder`: of `_Search`, divided by the first Gauss-Newton second derivative."""
     low, high = problem.constants.bounds
-    begun = problem.cost(start)
-    if isinstance(begun, str):
-        raise ValueError(f"the simulation at the start failed: {begun}")
+    try:
+        begun = problem.cost(start)
+    except ValueError as error:
+        raise ValueError(f"the simulation at the start failed: {error}") from None
     scale = 0.0 if remainder is None else begun.gauss_newton[0, 0]
     at = _Search(
         start, begun, scale * (np.zeros_like(begun.gauss_newton) if remainder is None else remainder)
@@ -578,12 +580,13 @@ def _search(
         while length * longest > tolerance and at.runs < MOST_RUNS:
             length *= 0.5
             trial = np.clip(at.free + length * step, low, high)
-            found = problem.cost(trial, at.cost.state)
+            with suppress(ValueError):  # no equilibrium at that step: a shorter one is tried
+                found = problem.cost(trial, at.cost.state)
             at.runs += 1
             progress(at.runs, MOST_RUNS)
-            if isinstance(found, Cost) and found.value <= at.cost.value:
+            if found is not None and found.value <= at.cost.value:
                 break
-        if not isinstance(found, Cost) or found.value > at.cost.value:
+        if found is None or found.value > at.cost.value:
             return at
         before, moved = at.gradient, trial - at.free
         at.free, at.cost = trial, found

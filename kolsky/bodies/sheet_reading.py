@@ -18,7 +18,7 @@ from kolsky.bodies.sheet import (
     project,
     spacing,
 )
-from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
+from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, FieldData, FieldProblem
 from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
 from kolsky.bodies.specimen_fit import Expected, plan
 from kolsky.bodies.specimen_reading import FieldSection, Specification, read_constants
@@ -312,7 +312,7 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
     ``seed``: seed of the noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
-    cost = _simulated(problem)
+    cost = problem.cost(problem.constants.start)
     nodal = np.moveaxis(cost.state.displacements, 0, 1)
     at_points = project(problem.sheet.mesh.points, nodal.reshape(len(nodal), -1), measured.points)
     u = np.moveaxis(at_points.reshape(len(measured.points), -1, 2), 0, 1)
@@ -328,7 +328,7 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
     """Expected deviations of the constants from field and force together, and from each separately. The
     information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), which is Eq. (K.30) over the noise of
     one point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2."""
-    cost, data, constants = _simulated(problem), problem.data, problem.constants
+    cost, data, constants = problem.cost(problem.constants.start), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     information = cost.curvature_displacement / variance * np.outer(sizes, sizes)
@@ -340,10 +340,3 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
     peak = float(np.abs(cost.state.force).max())
     choices = ((FIELD, FORCE), (FIELD,), (FORCE,))
     return plan(choices, whitened, {FIELD: peak, FORCE: peak}, constants, wanted=wanted)
-
-
-def _simulated(problem: FieldProblem) -> Cost:
-    cost = problem.cost(problem.constants.start)
-    if isinstance(cost, str):
-        raise ValueError(cost)
-    return cost

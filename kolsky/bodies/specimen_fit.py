@@ -173,39 +173,26 @@ def intervals(
             covariance[:] = np.nan
     factor = float(student.ppf(0.5 + 0.5 * LEVEL, degrees))
     probability = float(chi2_distribution.sf(chi2, degrees))
-    estimates = tuple(
-        _estimate(j, names, values, covariance, factor, at_bound[j], (bounds[0][j], bounds[1][j]))
-        for j in range(p)
-    )
-    return Intervals(estimates, covariance, scale, alike, degrees, probability)
 
+    def estimate(j: int) -> ConstantEstimate:
+        value = float(values[j])
+        if at_bound[j] or not np.isfinite(covariance).all():
+            verdict = ConstantVerdict.AT_BOUND if at_bound[j] else ConstantVerdict.NOT_SEEN
+            return ConstantEstimate(names[j], value, None, None, None, verdict, "", 0.0)
+        row = correlation_of(covariance)[j].copy()
+        row[j] = 0.0
+        most = int(np.abs(row).argmax())
+        partner, correlation = (names[most], float(row[most])) if p > 1 else ("", 0.0)
+        sigma = float(np.sqrt(covariance[j, j]))
+        half, verdict = factor * sigma, ConstantVerdict.IDENTIFIED
+        if half > _BROAD * abs(value):
+            verdict = ConstantVerdict.HARDLY
+        if abs(correlation) >= TOGETHER and half > NARROW * abs(value):
+            verdict = ConstantVerdict.TOGETHER
+        low, high = max(value - half, bounds[0][j]), min(value + half, bounds[1][j])
+        return ConstantEstimate(names[j], value, sigma, low, high, verdict, partner, correlation)
 
-def _estimate(
-    j: int,
-    names: tuple[str, ...],
-    values: FloatArray,
-    covariance: FloatArray,
-    factor: float,
-    at_bound: bool,
-    bounds: tuple[float, float],
-) -> ConstantEstimate:
-    value = float(values[j])
-    if at_bound or not np.isfinite(covariance).all():
-        verdict = ConstantVerdict.AT_BOUND if at_bound else ConstantVerdict.NOT_SEEN
-        return ConstantEstimate(names[j], value, None, None, None, verdict, "", 0.0)
-    row = correlation_of(covariance)[j].copy()
-    row[j] = 0.0
-    most = int(np.abs(row).argmax())
-    partner, correlation = (names[most], float(row[most])) if len(row) > 1 else ("", 0.0)
-    sigma = float(np.sqrt(covariance[j, j]))
-    half = factor * sigma
-    verdict = ConstantVerdict.IDENTIFIED
-    if half > _BROAD * abs(value):
-        verdict = ConstantVerdict.HARDLY
-    if abs(correlation) >= TOGETHER and half > NARROW * abs(value):
-        verdict = ConstantVerdict.TOGETHER
-    low, high = max(value - half, bounds[0]), min(value + half, bounds[1])
-    return ConstantEstimate(names[j], value, sigma, low, high, verdict, partner, correlation)
+    return Intervals(tuple(map(estimate, range(p))), covariance, scale, alike, degrees, probability)
 
 
 LIMIT = 5.0
@@ -375,14 +362,8 @@ def fit(
     ``bonds``: True to check for peeling bonds, with one more simulation per test.
     """
 
-    def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
-        answers = []
-        for test, x in zip(tests, at, strict=True):
-            answer = test.model.linearised(constants, values, x)
-            if isinstance(answer, str):
-                return answer
-            answers.append(answer)
-        return tuple(answers)
+    def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...]:
+        return tuple(test.model.linearised(constants, values, x) for test, x in zip(tests, at, strict=True))
 
     samples = tuple(test.samples for test in tests)
     ends, refused, limits = [], "", constants.bounds
@@ -413,8 +394,6 @@ def fit(
         test_fits.append(_with_bonds(one, values, response, uncertainty) if bonds else one)
     for test in predicted:
         answer = test.model.linearised(constants, best.constants, test.samples.displacement)
-        if isinstance(answer, str):
-            raise ValueError(f"the prediction failed: {answer}")
         test_fits.append(_test_fit(test, test.samples.displacement, answer, uncertainty, fitted=False))
     optima = tuple(one.constants for one in ends)
     return SpecimenFit(name, values, uncertainty, tuple(test_fits), best, optima)
@@ -453,10 +432,8 @@ def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncert
     test = one.test
     try:
         shorter = replace(test.model, shape=test.model.shape.shortened())
+        answer = shorter.linearised(constants, constants.start, one.displacement)
     except ValueError:
-        return one
-    answer = shorter.linearised(constants, constants.start, one.displacement)
-    if isinstance(answer, str):
         return one
     amount = test.model.shape.size[0] / test.model.shape.elements[0]
     sigma = test.samples.sigma_force
@@ -470,7 +447,7 @@ def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncert
         )
         for end in range(test.model.shape.ends)
     )
-    return TestFit(test, one.displacement, one.force, one.band, one.fitted, bonds)
+    return replace(one, debonding=bonds)
 
 
 def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray:
@@ -556,8 +533,6 @@ def slopes(
     whitened, forces = {}, {}
     for name, model in models.items():
         answer = model.linearised(constants, constants.start, schedules[name])
-        if isinstance(answer, str):
-            raise ValueError(answer)
         samples = Samples(schedules[name], answer.force, *noise[name])
         whitened[name] = reduce(samples, schedules[name], answer).jacobian
         forces[name] = float(np.abs(answer.force).max())

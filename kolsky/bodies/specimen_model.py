@@ -247,24 +247,18 @@ class SpecimenModel:
         ]
         return np.asarray(self.shape.multiplicity * np.stack(reactions, axis=-1))
 
-    def linearised(
-        self, constants: Constants, free: FloatArray, displacement: FloatArray
-    ) -> Linearised | str:
-        """Forces and slopes at the displacements, or the reason of a failure.
+    def linearised(self, constants: Constants, free: FloatArray, displacement: FloatArray) -> Linearised:
+        """Forces and slopes at the displacements.
 
         ``constants``: the law and its free constants. ``free``: values of the free constants, SI, shape [p].
-        ``displacement``: displacements in any order [m], shape [n, ends].
+        ``displacement``: displacements in any order [m], shape [n, ends]. Raises ValueError with the reason
+        if the constants are invalid or the simulation fails.
         """
-        try:
-            solid = constants.solid(free)
-        except ValueError as error:
-            return str(error)
         order = np.argsort(np.abs(displacement).sum(axis=1), kind="stable")
-        solution = self.simulate(solid, displacement[order])
+        solution = self.simulate(constants.solid(free), displacement[order])
         if not solution.outcome.ok:
-            worst = displacement[order][solution.reached]
-            there = ", ".join(f"{1e3 * value:.4g} mm" for value in worst)
-            return f"{self.name} at {there}: {solution.outcome.cause}; {solution.outcome.cure}"
+            there = ", ".join(f"{1e3 * value:.4g} mm" for value in displacement[order][solution.reached])
+            solution.outcome.require(f"{self.name} at {there}")
         histories = tuple(f"d_{AXES[axis]}" for axis in range(self.shape.ends))
         slopes = direct(solution, histories=histories)
         back = np.argsort(order, kind="stable")

@@ -484,8 +484,7 @@ def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str,
         section = spec.declared.tests[name]
         d = spec.schedule(name)
         solution = model.simulate(solid, d)
-        if not solution.outcome.ok:
-            raise ValueError(f"{name}: {solution.outcome.cause}; {solution.outcome.cure}")
+        solution.outcome.require(name)
         force = model.force(solution)
         if rng is not None:
             d = d + section.sigma_displacement * rng.standard_normal(d.shape)

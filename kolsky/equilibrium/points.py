@@ -35,11 +35,6 @@ class Geometry:
         """The gradients with the points of the element last [1/m], shape [m, g, D, k]."""
         return np.ascontiguousarray(np.swapaxes(self.E, 2, 3))
 
-    @property
-    def places(self) -> int:
-        """Number of Gauss points of the mesh."""
-        return int(self.volumes.size)
-
 
 def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None) -> Geometry:
     """Evaluate the gradients.

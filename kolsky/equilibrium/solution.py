@@ -13,6 +13,11 @@ from kolsky.equilibrium.model import Model
 class Outcome(NamedOutcome):
     """How a history of equilibria ended."""
 
+    def require(self, what: str) -> None:
+        """Raise ValueError with what was simulated, cause and cure, if not every step was reached."""
+        if not self.ok:
+            raise ValueError(f"{what}: {self.cause}; {self.cure}")
+
     COMPLETED = 0, "every step was reached", "nothing to do"
     NOT_CONVERGED = (
         1,

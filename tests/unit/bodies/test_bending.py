@@ -225,8 +225,6 @@ def test_an_eighth_pulls_like_the_whole(shape: Shape) -> None:
     d = np.repeat(np.array([[0.01], [0.02]]), shape.ends, axis=1)
     whole = replace(shape, gravity=(0.0, 0.0, 0.0))
     a, b = (SpecimenModel("one", s).linearised(LAW, LAW.start, d) for s in (shape, whole))
-    assert not isinstance(a, str)
-    assert not isinstance(b, str)
     assert a.force == pytest.approx(b.force, rel=1e-7)
     assert a.by_constants == pytest.approx(b.by_constants, rel=1e-6)
     assert a.by_displacement == pytest.approx(b.by_displacement, rel=1e-5, abs=1e-6)
@@ -235,15 +233,14 @@ def test_an_eighth_pulls_like_the_whole(shape: Shape) -> None:
 def test_slopes_are_those_of_differences() -> None:
     model, d = SpecimenModel("one", CROSS), np.array([[0.01, 0.015]])
     here = model.linearised(LAW, LAW.start, d)
-    assert not isinstance(here, str)
     for j, size in enumerate((10.0, 10.0, 1e-4)):
         moved = [LAW.start + sign * size * (np.arange(3) == j) for sign in (1.0, -1.0)]
         up, down = (model.linearised(LAW, values, d) for values in moved)
-        assert here.by_constants[..., j] == pytest.approx((up.force - down.force) / (2.0 * size), rel=1e-4)  # type: ignore[union-attr]
+        assert here.by_constants[..., j] == pytest.approx((up.force - down.force) / (2.0 * size), rel=1e-4)
     for end in range(2):
         moved = [d + sign * 1e-6 * (np.arange(2) == end) for sign in (1.0, -1.0)]
         up, down = (model.linearised(LAW, LAW.start, at) for at in moved)
-        slope = (up.force - down.force) / 2e-6  # type: ignore[union-attr]
+        slope = (up.force - down.force) / 2e-6
         assert here.by_displacement[..., end] == pytest.approx(slope, rel=1e-4, abs=1e-3)
 
 
@@ -251,12 +248,12 @@ def test_samples_may_come_in_any_order() -> None:
     model = SpecimenModel("one", STRIP)
     d = np.array([[0.02], [0.005], [0.01]])
     there, sorted_there = (model.linearised(LAW, LAW.start, x) for x in (d, np.sort(d, axis=0)))
-    assert there.force[[1, 2, 0]] == pytest.approx(sorted_there.force, rel=1e-8)  # type: ignore[union-attr]
+    assert there.force[[1, 2, 0]] == pytest.approx(sorted_there.force, rel=1e-8)
 
 
 def test_failure_is_said() -> None:
-    answer = SpecimenModel("one", STRIP).linearised(LAW, np.array([-9e3, 4e3, 0.4]), np.array([[0.01]]))
-    assert isinstance(answer, str)
+    with pytest.raises(ValueError, match=r"C10|shear modulus"):
+        SpecimenModel("one", STRIP).linearised(LAW, np.array([-9e3, 4e3, 0.4]), np.array([[0.01]]))
 
 
 def test_strains_by_volume() -> None:

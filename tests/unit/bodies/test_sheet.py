@@ -60,7 +60,6 @@ def _sheet(**options: object) -> Sheet:
 
 def _cost(problem: FieldProblem, values: FloatArray) -> Cost:
     cost = problem.cost(values)
-    assert not isinstance(cost, str)
     return cost
 
 
@@ -90,7 +89,6 @@ def test_cells_inside_take_whole_cells() -> None:
 
 def test_the_sheet_in_tension_pulls_back() -> None:
     state = sheet_state(_sheet(), constants(), constants().start, -PAD)
-    assert not isinstance(state, str)
     assert (state.force < 0.0).all()  # the pad goes to -x and so does the force on the sheet there
     # Under prescribed displacements the force is proportional to E and the field does not see it.
     assert state.force_by_constants[:, 0] == pytest.approx(state.force / TRUE["E"], rel=1e-6)
@@ -528,7 +526,6 @@ def test_two_regions_are_free_at_once() -> None:
     both = Constants("neo_hookean_coupled", values, tuple(values), ("stiff",))
     sheet = _sheet(regions=half_held().regions)
     state = sheet_state(sheet, both, both.start, -PAD)
-    assert not isinstance(state, str)
     cells = np.ones(len(sheet.mesh.cells), dtype=bool)
     data = FieldData(-PAD, state.force, state.displacements, cells, 1e-6, 1e-5, 1e-5)
     start = Constants(
