@@ -28,7 +28,6 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.end_friction.fits import (
     LEAST_SINGULAR_VALUE,
     NOISE_LEFT,
-    FitFailedError,
     ModelOptimum,
     bic,
     fit_candidate,
@@ -127,7 +126,7 @@ def correct_friction(
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
         found = fit_nodes(test)
-    except FitFailedError as error:
+    except ValueError as error:
         raise ValueError(f"the friction cannot be taken out: {error}") from error
     nearest = min(found, key=lambda one: one.chi2)
     more, failed = _fit_candidates(test, laws, nearest)
@@ -159,7 +158,7 @@ def _fit_candidates(
     for candidate in candidates(laws) if laws else ():
         try:
             found.append(fit_candidate(test, candidate, near))
-        except FitFailedError as error:
+        except ValueError as error:
             failed.append(ModelFit.without(candidate.name, str(error)))
     return found, failed
 
@@ -228,7 +227,7 @@ def _correction(
             f"{best.model.name}, the last law, has no equilibrium on the refined mesh: end the curve earlier"
         )
     stress = np.exp(mean)
-    by_mesh = -response[:, :n] @ best.mesh.stress
+    by_mesh = -response[:, :n] @ best.mesh_change
     modes = [(name, response[:, :n] @ (row / band.stress)[_chosen(band, test)]) for name, row in
              zip(band.names, band.modes, strict=True)]  # fmt: skip
     modes += [("noise", row) for row in _noise(best, test, response, band)]
@@ -347,10 +346,9 @@ def fit_specimen(
 
 def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
     """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
-    assert one.mesh is not None
-    rows = one.mesh.stress / test.noise
-    if test.bulge is not None:
-        rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
+    rows = one.mesh_change / test.noise
+    if test.bulge is not None and one.mesh is not None:
+        rows = np.append(rows, (one.mesh.bulge - one.made.bulge) / test.bulge_scale)
     return np.asarray(-one.gain[:, : rows.size] @ rows)
 
 

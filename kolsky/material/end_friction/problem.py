@@ -318,20 +318,6 @@ class FrictionCorrection:
 
 
 @dataclass(frozen=True)
-class MeshError:
-    """Change of a simulated test by the refined mesh."""
-
-    stress: FloatArray
-    """ln of the stress divided by that of the coarse mesh [-], shape [n]."""
-    bulge: FloatArray
-    """Radius at mid-height minus that of the coarse mesh [m], shape [n]."""
-    past: float = 0.0
-    """Share of the refined body that was strained past the end of the curve [-]."""
-    snaps: int = 0
-    """Number of jumps to another equilibrium on the refined mesh."""
-
-
-@dataclass(frozen=True)
 class MeasuredSpecimen:
     """A measured test of one specimen, and its simulation with any law."""
 
@@ -388,11 +374,6 @@ class MeasuredSpecimen:
             friction=self.friction(theta),
             by_friction=derivatives and self.ends.law == "coulomb",
         )
-
-    def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
-        """Change of a test by the refined mesh. Raises ValueError if there is no equilibrium on it."""
-        fine = self.simulate(model, theta, refined=True, derivatives=False)
-        return MeshError(np.log(fine.stress / made.stress), fine.bulge - made.bulge, fine.past, fine.snaps)
 
     def refined(self, left: FloatArray) -> "MeasuredSpecimen":
         """The test with the refined mesh's error in its noise: `REFINED_STRESS`, and `left` [-]."""
