@@ -29,7 +29,6 @@ from kolsky.base.hdf5_records import COLLECTION, Flags, Floats, Integers, Record
 from kolsky.bodies.actuator_model import WEIGHT, Actuator, bend_of, bend_slope, smallest_gap
 from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.equilibrium.reduction import ReducedModel, ReducedState, Sample, reduce
-from kolsky.equilibrium.solution import Outcome
 
 FINER = 3
 """Maximum number of divisions by ten of the tolerance for choosing elements. Below 1e-6 of the forces, the
@@ -47,11 +46,6 @@ class ReducedBend:
     slope: float
     """dTheta/dp [rad/Pa]."""
     state: ReducedState
-
-    @property
-    def ok(self) -> bool:
-        """True if there is one."""
-        return self.state.outcome is Outcome.COMPLETED
 
 
 class ReducedActuator:
@@ -150,7 +144,7 @@ def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
     angles, start = [], None
     for pressure in pressures:
         bend = made.bend(float(pressure), start=start)
-        if not bend.ok:
+        if not bend.state.outcome.ok:
             raise ValueError(
                 f"the reduced model has no equilibrium at {1e-5 * pressure:.3g} bar: raise control.modes or "
                 "control.snapshots, or lower control.tolerance"
@@ -225,7 +219,7 @@ class Controller:
     def _inverse(self, asked: float) -> bool:
         """Newton's method for the pressure, from the nearest known angle; False if it does not converge."""
         pressure, near = min(
-            [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
+            [(self.pressure, self._last), *(one for one in self._path if one[1].state.outcome.ok)],
             key=lambda one: abs(asked - one[1].angle),
         )
         for _ in range(_INVERSIONS):
@@ -240,7 +234,7 @@ class Controller:
             start = near.state.q + near.state.slopes[:, 0] * (following - pressure)
             near = self.model.bend(following, start=start, tolerance=_EQUILIBRIUM)
             pressure = following
-            if not near.ok:
+            if not near.state.outcome.ok:
                 return False
         return False
 

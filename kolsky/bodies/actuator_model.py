@@ -26,6 +26,7 @@ plane y = 0, and half of it is enough.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -392,15 +393,12 @@ def _touching(points: FloatArray, lines: tuple[FloatArray, ...], hollow: BoolArr
     """Points of the hollow cells, inside or on their surface."""
     found = np.zeros(len(points), dtype=bool)
     # a point on a line belongs to the cells on both sides of it
-    sides = []
-    for axis, line in enumerate(lines):
-        low = np.clip(np.searchsorted(line, points[:, axis] - tight, side="right") - 1, 0, len(line) - 2)
-        high = np.clip(np.searchsorted(line, points[:, axis] + tight, side="right") - 1, 0, len(line) - 2)
-        sides.append((low, high))
-    for i in (0, 1):
-        for j in (0, 1):
-            for k in (0, 1):
-                found |= hollow[sides[0][i], sides[1][j], sides[2][k]]
+    for ways in product((-tight, tight), repeat=3):
+        beside = (
+            np.clip(np.searchsorted(line, points[:, axis] + way, side="right") - 1, 0, len(line) - 2)
+            for axis, (line, way) in enumerate(zip(lines, ways, strict=True))
+        )
+        found |= hollow[tuple(beside)]
     return np.flatnonzero(found)
 
 

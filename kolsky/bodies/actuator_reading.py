@@ -251,8 +251,6 @@ class ActuatorSpec:
     declared: ActuatorFile
     """Its declared values, in SI."""
     actuator: Actuator
-    shape: Pneunet | None
-    """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
@@ -322,7 +320,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     for name, g in declared.gravity.items():
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
-    return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
+    return ActuatorSpec(toml, declared, actuator, healed, inputs)
 
 
 def _check_size(toml: TomlFile, size: float) -> None:
