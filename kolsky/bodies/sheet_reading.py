@@ -231,26 +231,23 @@ def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArr
     path = toml.path.parent / own.file
     table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
     frame = table.integers(Column(own.frame))
-    columns = [table.values(column.as_column()) for column in (own.x, own.y, own.ux, own.uy)]
-    rows = [np.flatnonzero(frame == number) for number in section.frames]
-    for number, place in zip(section.frames, rows, strict=True):
-        if not len(place):
+    columns = np.stack([table.values(c.as_column()) for c in (own.x, own.y, own.ux, own.uy)], axis=-1)
+    rows = [columns[frame == number] for number in section.frames]
+    for number, values in zip(section.frames, rows, strict=True):
+        if not len(values):
             raise toml.error("field.frames", f"names frame {number}, which {own.file} does not have")
-        if len(place) != len(rows[0]):
+        if len(values) != len(rows[0]):
             raise InputError(
                 path,
-                f"has {len(place)} points in frame {number}, {len(rows[0])} in the first",
+                f"has {len(values)} points in frame {number}, {len(rows[0])} in the first",
                 cure="export the same points in every frame",
             )
-    points = np.stack([columns[0][rows[0]], columns[1][rows[0]]], axis=-1)
-    for number, place in zip(section.frames, rows, strict=True):
-        places = np.stack([columns[0][place], columns[1][place]], axis=-1)
-        if not np.array_equal(places, points):
+        if not np.array_equal(values[:, :2], rows[0][:, :2]):
             raise InputError(
                 path, f"has other points in frame {number}", cure="export the points of the reference"
             )
-    displacements = np.stack([np.stack([columns[2][f], columns[3][f]], axis=-1) for f in rows])
-    return points, displacements, table.sha256
+    whole = np.stack(rows)
+    return whole[0, :, :2].copy(), whole[..., 2:].copy(), table.sha256
 
 
 def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:
@@ -258,14 +255,14 @@ def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray,
     path: Path = toml.path.parent / own.file
     table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
     frame = table.integers(Column(own.frame))
-    rows = []
-    for number in section.frames:
-        place = np.flatnonzero(frame == number)
+    rows = [np.flatnonzero(frame == number) for number in section.frames]
+    for number, place in zip(section.frames, rows, strict=True):
         if len(place) != 1:
             raise toml.error("field.frames", f"names frame {number}: {own.file} has {len(place)} rows of it")
-        rows.append(int(place[0]))
-    displacement = table.values(own.displacement.as_column())[rows]
-    return displacement, table.values(own.force.as_column())[rows], table.sha256
+    displacement, force = (
+        table.values(c.as_column())[np.concatenate(rows)] for c in (own.displacement, own.force)
+    )
+    return displacement, force, table.sha256
 
 
 FIELD, FORCE = "field", "force"
