@@ -1,4 +1,4 @@
-"""Closed loop of an actuator: reduced model, controller, simulated plant, and the stored basis.
+"""Closed loop of an actuator: reduced model, controller and simulated plant.
 
 The controller converts the measured bend to a pressure in milliseconds. It uses the inverse of the reduced
 model.
@@ -16,19 +16,15 @@ and the measurement be delayed by d ticks. The loop is stable for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
-from pathlib import Path
 from time import perf_counter, process_time, sleep
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.base.hdf5 import Format, reading, writing
-from kolsky.base.hdf5_records import COLLECTION, Flags, Floats, Integers, Record, Text
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.bodies.actuator_model import WEIGHT, Actuator, bend_of, bend_slope, smallest_gap
 from kolsky.bodies.actuator_reading import ControlSection
-from kolsky.equilibrium.reduction import ReducedModel, ReducedState, Sample, reduce
+from kolsky.equilibrium.reduction import ReducedModel, ReducedState, reduce
 
 FINER = 3
 """Maximum number of divisions by ten of the tolerance for choosing elements. Below 1e-6 of the forces, the
@@ -340,141 +336,36 @@ def run_loop(
     )
 
 
-FORMAT = Format("kolsky actuator basis")
-CURE = "delete it: it is made again from the SPEC"
-
-
-@dataclass(frozen=True)
-class StoredBasis:
-    """A reduction and its plant as stored in a file, in the units of `_BASIS`."""
-
-    key: str
-    modes: FloatArray
-    cells: IntArray
-    weights: FloatArray
-    residual: float
-    reached: bool
-    pressure: FloatArray
-    angle: FloatArray
-    error: FloatArray
-    gap: float
-    plant_angle: FloatArray
-
-
-_BASIS = Record(
-    StoredBasis,
-    COLLECTION,
-    {
-        "key": Text(),
-        "modes": Floats("1", "components modes"),
-        "cells": Integers("1", "elements"),
-        "weights": Floats("1", "elements"),
-        "residual": Floats("1"),
-        "reached": Flags("1"),
-        "pressure": Floats("Pa", "unseen"),
-        "angle": Floats("rad", "unseen"),
-        "error": Floats("rad", "unseen"),
-        "gap": Floats("m"),
-        "plant_angle": Floats("rad", "plant"),
-    },
-)
-
-
-def basis_key(
-    actuator: Actuator, gravity: Sequence[float] | FloatArray, section: ControlSection, steps: int
-) -> str:
-    """SHA-256 of all inputs of a reduction and of its plant, simulated at `steps` pressures."""
-    digest = sha256()
-    mesh, solid = actuator.mesh, actuator.solid
-    words = (
-        mesh.kind, type(solid).__name__, repr(solid), repr(actuator.cavities), repr(actuator.mixed),
-        repr(actuator.density_of_regions), repr([float(g) for g in gravity]), repr(steps),
-        repr((section.most, section.modes, section.tolerance, section.snapshots, section.plant_stiffness)),
-        repr((max(section.angles), allowed_error(section))),
-    )  # fmt: skip
-    for word in words:
-        digest.update(word.encode() + b"\0")
-    arrays = [mesh.points, mesh.cells, actuator.constants(), *(part.cells for part in actuator.parts)]
-    for name in sorted(mesh.sets):
-        digest.update(name.encode() + b"\0")
-        arrays.append(mesh.nodes(name))
-    for array in arrays:
-        digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
-
-
-def _restored(basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> Reduction:
-    """The stored reduction of an actuator."""
-    model = actuator.model(gravity)
-    if len(basis.modes) != model.n_dofs or not (basis.cells < len(model.mesh.cells)).all():
-        raise ValueError("the stored basis is of another mesh: delete it")
-    sample = Sample(basis.cells, basis.weights, basis.residual, basis.reached)
-    reduced = ReducedModel(model, basis.modes, sample, gravity=WEIGHT)
-    return Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
-
-
 _PLANT_STEPS = 9
 """Number of pressures at which the plant's bend is simulated."""
 
 
 def run_control(
-    actuator: Actuator,
-    gravities: Mapping[str, FloatArray],
-    section: ControlSection,
-    *,
-    basis: Path | None = None,
+    actuator: Actuator, gravities: Mapping[str, FloatArray], section: ControlSection
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
-    """Reduce the actuator, simulate the plant, and run the closed loop.
+    """Reduce the actuator, simulate the plant, and run the closed loop, for each direction of gravity.
 
-    ``basis``: folder of stored reductions and plants, reused if the inputs are equal; None: none is stored.
+    Raises ValueError if an equilibrium is not found, or if model or plant do not reach a target angle.
     """
-    prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
-    controllers = {}
-    for name, (made, plant) in prepared.items():
-        controllers[name] = Controller(made.model, gain=section.gain, most=section.most)
-        check_targets(name, made, plant, section, reach=controllers[name].reach)
-    closed = {}
-    for name, (_, plant) in prepared.items():
-        closed[name] = run_loop(
-            controllers[name],
-            plant,
-            schedule(section),
-            rate=section.rate,
-            seed=section.seed,
-            real_time=section.real_time,
-        )
-    return closed, {name: made for name, (made, _) in prepared.items()}
-
-
-def _prepared(
-    actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
-) -> tuple[Reduction, Plant]:
-    """The reduction and the plant for a direction of gravity, from the folder if it contains them."""
-    key = basis_key(actuator, gravity, section, _PLANT_STEPS)
+    prepared, reductions = {}, {}
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
-    camera = (section.lag, section.delay, section.noise)
-    file = None if basis is None else basis / f"{name}.h5"
-    if file is not None and file.exists():
-        with reading(file, FORMAT, cure=CURE) as place:
-            stored = _BASIS.read(place)
-        if stored.key == key:
-            return _restored(stored, actuator, gravity), Plant(pressures, stored.plant_angle, *camera)
-    made = reduce_actuator(
-        actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
-        seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
-    )  # fmt: skip
-    run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
-    run.solution.outcome.require("the plant")
-    if file is not None:
-        reduced = made.model.reduced
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with writing(file, FORMAT) as place:
-            stored = StoredBasis(
-                key=key, modes=reduced.V, **vars(reduced.sample), pressure=made.pressure, angle=made.angle,
-                error=made.error, gap=made.gap, plant_angle=run.angle,
-            )  # fmt: skip
-            _BASIS.write(place, stored)
-    return made, Plant(pressures, run.angle, *camera)
+    for name, gravity in gravities.items():
+        made = reduce_actuator(
+            actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
+            seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
+        )  # fmt: skip
+        run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
+        run.solution.outcome.require("the plant")
+        plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
+        controller = Controller(made.model, gain=section.gain, most=section.most)
+        check_targets(name, made, plant, section, reach=controller.reach)
+        prepared[name], reductions[name] = (controller, plant), made
+    wanted, rate, seed, timed = schedule(section), section.rate, section.seed, section.real_time
+    closed = {
+        name: run_loop(*pair, wanted, rate=rate, seed=seed, real_time=timed)
+        for name, pair in prepared.items()
+    }
+    return closed, reductions
 
 
 def check_targets(

@@ -106,14 +106,7 @@ def actuator_invert(
 
 
 def actuator_control(
-    spec: _ActuatorPath,
-    out: _OutOfActuator = None,
-    basis: Annotated[
-        Path | None,
-        Option("Folder of reduced models, which are used again for the same inputs.", metavar="FOLDER"),
-    ] = None,
-    device: Device = "cpu",
-    figures: Figures = (),
+    spec: _ActuatorPath, out: _OutOfActuator = None, device: Device = "cpu", figures: Figures = ()
 ) -> None:
     """Run the closed loop of `control`: a reduced model, a plant of another stiffness, noise and delay.
 
@@ -129,9 +122,8 @@ def actuator_control(
     if section is None:
         raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
-    stored = None if basis is None else usable_folder(basis)
     with read.toml.refusing("control", "cannot be run"):
-        closed, reductions = run_control(read.actuator, read.gravities, section, basis=stored)
+        closed, reductions = run_control(read.actuator, read.gravities, section)
     warnings = loop_warnings(closed, reductions, section)
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
     content = loop_json(closed, reductions, read.inputs)

@@ -598,3 +598,14 @@ def test_loop_with_the_reduced_model_reaches_the_angle_of_a_softer_plant(reducti
     # the inverse ends within 1e-5 rad; of the first error of 15 % the loop leaves (1 - 0.3)^30 = 2e-5
     assert found.settled_error().max() < 1e-5
     assert not found.held.any()
+
+
+def test_the_loop_of_a_specification_settles_at_its_angle() -> None:
+    section = ControlSection.model_construct(
+        angles=[0.02], hold=0.5, rate=20.0, gain=0.3, most=MOST, modes=4, tolerance=1e-3, snapshots=3,
+        plant_stiffness=0.85, delay=0, lag=0.0, noise=0.0, seed=1, real_time=False, error=0.05,
+    )  # fmt: skip
+    closed, made = actuator_control.run_control(actuator(chambers=1), {"down": np.array(DOWN)}, section)
+    assert made["down"].error_up_to(0.02) <= 0.05 * 0.02
+    # of the first error of about 15 % a tick leaves 1 - 0.3 / 0.85; the last five of ten are judged
+    assert 0.0 < closed["down"].settled_error()[0] < 0.15 * 0.02 * (1.0 - 0.3) ** 4
