@@ -199,6 +199,8 @@ def relative_bend(one: Direction) -> FloatArray:
 
 TOLERANCE = 1e-4
 """Largest difference from the target angle [rad], and from the target tip over the length [-]."""
+PRECISION = 1e-10
+"""Relative change of pressures, sum of squares and gradient at which a search ends [-]."""
 AT_BOUND = 1e-3
 """A pressure is at a bound if its distance from it is below this, as a share of the largest pressure [-]."""
 RAMP = 4
@@ -266,7 +268,10 @@ def pressures_for(
         return top if tip is None else np.concatenate([top, by / size])
 
     try:
-        best = least_squares(residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0), xtol=1e-12)
+        best = least_squares(
+            residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0),
+            xtol=PRECISION, ftol=PRECISION, gtol=PRECISION,
+        )  # fmt: skip
     except _NoEquilibriumError as error:
         return _inversion(angle, error.bend, SearchEnd.FAILED, memory.equilibria)
     near = memory.at(most * best.x)
