@@ -108,7 +108,7 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: sliding(extra=(Fixed("right", (7,)),)).unknowns, "axis of"),
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
         (lambda: Newton(tolerance=1.0), "tolerance must be"),
-        (lambda: Newton(iterations=0), "must be >= 1"),
+        (lambda: Newton(halvings=-1), "must be >= 0"),
         (lambda: solve(sliding(extra=(RigidSurface("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
         (lambda: solve(sliding(extra=(RigidSurface("right", (1.0,), (1.0, 0.0)),))),
          "must have 2 components"),
