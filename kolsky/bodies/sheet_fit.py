@@ -224,19 +224,12 @@ def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
     return np.asarray(-cho_solve(factor, mixed / size[:, None]) / size[:, None])
 
 
-def variance(change: FloatArray, sigma: FloatArray | float) -> FloatArray:
-    """Variance of each constant from uncorrelated noise, Eqs. (K.20-23).
-
-    ``change``: dm/dv, shape [p, n]. ``sigma``: standard deviation of each measurement, a number or shape [n].
-    """
-    return np.asarray(((change * np.asarray(sigma)) ** 2).sum(axis=1))
-
-
-def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants: FloatArray) -> FloatArray:
-    """Standard deviation of each constant divided by its size [-], Eqs. (K.24, K.25), shape [p]."""
+def relative_deviation(change: FloatArray, constants: FloatArray) -> FloatArray:
+    """Standard deviation of each constant divided by its size, for noise of 1 unit in each measured value,
+    Eqs. (K.20-25), shape [..., p]. ``change``: dm/dv, shape [..., p, n]."""
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: a deviation relative to it has no meaning")
-    return np.asarray(np.sqrt(variance(change, sigma)) / np.abs(constants))
+    return np.asarray(np.sqrt((change**2).sum(axis=-1)) / np.abs(constants))
 
 
 def smoothed(mass: csr_array, change: FloatArray) -> FloatArray:
@@ -442,20 +435,19 @@ class FieldFit:
         """Standard uncertainty of the constants, shape [p]."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
-    def relative_by_displacement(self, sigma: float) -> FloatArray:
-        """Relative deviation of each constant from noise of the nodal displacements of each step (K.24)."""
-        n, p = self.by_force.shape
-        flat = self.by_displacement.reshape(n, p, -1)
-        return np.array([self._relative(one, sigma) for one in flat])
+    @property
+    def relative_by_displacement(self) -> FloatArray:
+        """Relative deviation of each constant over the noise of nodal displacements (K.24) [1/m], [n, p]."""
+        return self._relative(self.by_displacement.reshape(*self.by_force.shape, -1))
 
-    def relative_by_force(self, sigma: float) -> FloatArray:
-        """Relative deviation of each constant from noise of the force of each step (K.25), shape [n, p]."""
-        return np.array([self._relative(one[:, None], sigma) for one in self.by_force])
+    @property
+    def relative_by_force(self) -> FloatArray:
+        """Relative deviation of each constant over the noise of each step's force (K.25) [1/N], [n, p]."""
+        return self._relative(self.by_force[..., None])
 
-    def _relative(self, change: FloatArray, sigma: float) -> FloatArray:
-        free = ~np.array(self.at_bound)
-        found = np.zeros(len(free))
-        found[free] = relative_deviation(change[free], sigma, self.values[free])
+    def _relative(self, change: FloatArray) -> FloatArray:
+        free, found = ~np.array(self.at_bound), np.zeros(change.shape[:2])
+        found[:, free] = relative_deviation(change[:, free], self.values[free])
         return found
 
     @property
