@@ -62,7 +62,14 @@ def read_field(spec: Specification) -> MeasuredField:
     points, displacements, hashes[section.points.file] = _points(toml, section)
     pad, force, hashes[section.pad.file] = _pad(toml, section)
     declared = section.sigma_displacement
-    _check_count(toml, section, len(points))
+    if len(points) < (NOISE_POINTS if declared is None else NEIGHBOURS):
+        raise toml.error(
+            "field.points",
+            f"has {len(points)} points a frame in {section.points.file}: too few",
+            allowed=f"at least {NEIGHBOURS}, since a quadratic through {NEIGHBOURS} neighbours gives the "
+            f"value at a node; at least {NOISE_POINTS} without field.sigma_displacement, for their noise",
+            cure='export more points of the same frames, or declare field.sigma_displacement, e.g. "5 um"',
+        )
     bad = np.zeros(len(points), dtype=np.bool_)
     flat = np.moveaxis(displacements, 0, 1).reshape(len(points), -1)
     if section.points.gated:
@@ -88,25 +95,6 @@ def read_field(spec: Specification) -> MeasuredField:
             cure="check field.mesh_unit, the units of x and y, and the origin",
         )
     return measured
-
-
-def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
-    """Check the number of points: enough for the projection to the nodes and the estimate of noise."""
-    if count < NEIGHBOURS:
-        raise toml.error(
-            "field.points",
-            f"has {count} points a frame in {section.points.file}: too few",
-            allowed=f"at least {NEIGHBOURS}, since a quadratic through {NEIGHBOURS} neighbours gives the "
-            f"value at a node; at least {NOISE_POINTS} without field.sigma_displacement",
-            cure="export more points of the same frames",
-        )
-    if count < NOISE_POINTS and section.sigma_displacement is None:
-        raise toml.error(
-            "field.points",
-            f"has {count} points a frame in {section.points.file}: too few to find their noise",
-            allowed=f"at least {NOISE_POINTS}, since each is compared with its {NOISE_POINTS - 1} neighbours",
-            cure='export more points, or declare field.sigma_displacement, e.g. "5 um"',
-        )
 
 
 def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
