@@ -215,18 +215,14 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        low, high, path = min(self.pressures), max(self.pressures), self.path is not None
+        low, path = min(self.pressures), self.path is not None
+        both = low < 0.0 < max(self.pressures)
         falling, on_a_plane = any(b <= a for a, b in pairwise(sizes)), bool(self.plane)
         blocked = self.blocked is not None and self.invert is not None
         moved = self.motion is not None and on_a_plane
         f.reject(
             (falling, "pressures", "do not rise", "list them from small to large, as suction too"),
-            (
-                low < 0.0 < high,
-                "pressures",
-                "are of both signs",
-                "simulate pressure and suction from two files",
-            ),
+            (both, "pressures", "are of both signs", "simulate pressure and suction from two files"),
             (path and low < 0.0, "path", "follows pressures above 0", "remove it for suction"),
             (path and on_a_plane, "path", "is not followed against a plane", "remove [path] or [plane]"),
             (blocked, "invert", "has no effect on a blocked actuator", "remove one of them"),
