@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
@@ -324,14 +324,18 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
 
 def _shape_of(section: TestSection, element: str, density: float | None, body: Mesh | None) -> Shape:
     """The shape in the table of a test. `body`: its mesh with its two sets, if the table names a file."""
-    x, y, z = np.ptp(body.points, axis=0).tolist() if body is not None else section.size or ()
-    weight = {} if section.gravity is None else {"gravity": tuple(section.gravity), "density": density}
+    weight: dict[str, Any] = {}
+    if section.gravity is not None:
+        weight = {"gravity": tuple(section.gravity), "density": density}
     if body is not None:
+        x, y, z = np.ptp(body.points, axis=0).tolist()
         return BodyShape(
             section.shape, (x, y, z), 0.0, (1, 1, 1), element=body.kind, axis="xyz".index(section.axis),
             body=body, frictionless=section.frictionless, sphere=section.sphere, **weight,
         )  # fmt: skip
-    nx, ny, nz = section.elements or ()
+    assert section.size is not None  # checked by the schema
+    assert section.elements is not None
+    (x, y, z), (nx, ny, nz) = section.size, section.elements
     return Shape(
         section.shape, (x, y, z), section.bond or 0.0, (nx, ny, nz), section.arm, section.waist,
         section.straight, element, load=section.load, **weight,
@@ -365,7 +369,7 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
         for axis, names in enumerate(SIDES)
         for name, end in zip(names, (low[axis], high[axis]), strict=True)
     }
-    known = sides | mesh.sets
+    known: dict[str | None, IntArray] = {**sides, **mesh.sets}
     for end, name in (("moving", section.moving), ("fixed", section.fixed)):
         if name not in known or len(known[name]) == 0:
             raise toml.error(

@@ -267,6 +267,8 @@ def compare_laws(
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")
+    stretches = [np.stack(test.mode.principal_stretches(test.deformation)) for test in tests]
+    reach = max(FARTHEST, *(float(max(lam.max(), 1.0 / lam.min())) for lam in stretches))
     rows = []
     for done, candidate in enumerate(laws):
         progress(done)
@@ -286,18 +288,12 @@ def compare_laws(
         except ValueError as error:
             rows.append(Row(candidate, None, (), (), str(error)))
             continue
-        reach = max(FARTHEST, *(_farthest(test) for test in tests))
         volume = None if found.poisson is None else VolumetricLaw(found.bulk_modulus)
         everywhere = drucker(found.law, most=reach, volume=volume)
         rows.append(Row(candidate, found, everywhere, stable_over(found.law, tests, volume=volume)))
     progress(len(laws))
     rows.sort(key=lambda row: np.inf if row.fit is None else row.fit.aic)
     return Comparison(tuple(tests), weighting, bounded, poisson, tuple(rows))
-
-
-def _farthest(test: HomogeneousTest) -> float:
-    lam = np.stack(test.mode.principal_stretches(test.deformation))
-    return float(max(lam.max(), 1.0 / lam.min()))
 
 
 def _remoteness(path: PathStability) -> float:
