@@ -237,18 +237,12 @@ class Controller:
 
 @dataclass(frozen=True)
 class Plant:
-    """A simulated actuator with its pressure supply and camera."""
+    """A simulated actuator. Its pressure supply and its camera are those of [control]."""
 
     pressure: FloatArray
     """Pressures [Pa], increasing, shape [n]."""
     angle: FloatArray
     """Angle of the full model with the plant's stiffness at these pressures [rad], shape [n]."""
-    lag: float
-    """Time constant of the pressure [s]."""
-    delay: int
-    """Delay of the camera in ticks."""
-    noise: float
-    """Standard deviation of a measured angle [rad]."""
 
 
 JUDGED_SHARE = 0.5
@@ -298,29 +292,21 @@ class Closed:
         return np.array(errors)
 
 
-def run_loop(
-    controller: Controller,
-    plant: Plant,
-    wanted: FloatArray,
-    *,
-    rate: float,
-    seed: int,
-    real_time: bool = False,
-) -> Closed:
-    """Run the closed loop for target angles [rad] of shape [n], one per tick. The pressure follows the
-    requested one with the plant's lag. The camera measures the angle with noise and a delay of some ticks. In
-    real time, each tick waits for its scheduled time, and the wake-up delay is part of its wall time."""
-    rng = np.random.default_rng(seed)
-    bend = PchipInterpolator(plant.pressure, plant.angle)
+def run_loop(controller: Controller, plant: Plant, section: ControlSection) -> Closed:
+    """Run the closed loop for the target angles of a section. The pressure follows the requested one with the
+    plant's lag. The camera measures the angle with noise and a delay of some ticks. In real time, each tick
+    waits for its scheduled time, and the wake-up delay is part of its wall time."""
+    rng, wanted, rate = np.random.default_rng(section.seed), schedule(section), section.rate
+    bend, real_time = PchipInterpolator(plant.pressure, plant.angle), section.real_time
     n, dt = len(wanted), 1.0 / rate
-    follow = 1.0 - np.exp(-dt / plant.lag) if plant.lag > 0.0 else 1.0
+    follow = 1.0 - np.exp(-dt / section.lag) if section.lag > 0.0 else 1.0
     inside = 0.0
     columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall", "processor")}
     bounded, held = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     begun = perf_counter()
     for k in range(n):
         columns["angle"][k] = bend(inside)
-        seen = columns["angle"][max(k - plant.delay, 0)] + plant.noise * rng.standard_normal()
+        seen = columns["angle"][max(k - section.delay, 0)] + section.noise * rng.standard_normal()
         due = begun + k * dt
         while real_time and (left := due - perf_counter()) > 0.0:
             sleep(left)
@@ -331,9 +317,7 @@ def run_loop(
         bounded[k], held[k] = decided.bounded, decided.held
         inside += follow * (decided.pressure - inside)
     time = np.asarray(dt * np.arange(n), dtype=np.float64)
-    return Closed(
-        time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate, real_time=real_time
-    )
+    return Closed(time, wanted, **columns, bounded=bounded, held=held, rate=rate, real_time=real_time)
 
 
 _PLANT_STEPS = 9
@@ -356,15 +340,11 @@ def run_control(
         )  # fmt: skip
         run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
         run.solution.outcome.require("the plant")
-        plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
+        plant = Plant(pressures, run.angle)
         controller = Controller(made.model, gain=section.gain, most=section.most)
         check_targets(name, made, plant, section, reach=controller.reach)
         prepared[name], reductions[name] = (controller, plant), made
-    wanted, rate, seed, timed = schedule(section), section.rate, section.seed, section.real_time
-    closed = {
-        name: run_loop(*pair, wanted, rate=rate, seed=seed, real_time=timed)
-        for name, pair in prepared.items()
-    }
+    closed = {name: run_loop(*pair, section) for name, pair in prepared.items()}
     return closed, reductions
 
 
