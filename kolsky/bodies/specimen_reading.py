@@ -364,12 +364,12 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
     points = mesh.points
     low, high = points.min(axis=0), points.max(axis=0)
     reach = TIGHT * float((high - low).max())
-    sides = {
+    sides: dict[str, IntArray] = {
         name: np.flatnonzero(np.abs(points[:, axis] - end) <= reach)
         for axis, names in enumerate(SIDES)
         for name, end in zip(names, (low[axis], high[axis]), strict=True)
     }
-    known: dict[str | None, IntArray] = {**sides, **mesh.sets}
+    known, ends = {**sides, **mesh.sets}, []
     for end, name in (("moving", section.moving), ("fixed", section.fixed)):
         if name not in known or len(known[name]) == 0:
             raise toml.error(
@@ -379,7 +379,8 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
                 allowed=", ".join([*mesh.sets, *sides]),
                 cure="name a physical group of surfaces, or a side of the body's box",
             )
-    moving, fixed = known[section.moving], known[section.fixed]
+        ends.append(known[name])
+    moving, fixed = ends
     if np.isin(moving, fixed).any():
         raise toml.error(f"{key}.moving", f"shares points with {key}.fixed", cure="name two ends apart")
     return replace(mesh, sets={"bond_x+": moving, "bond_x-": fixed})
