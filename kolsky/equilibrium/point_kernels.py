@@ -155,39 +155,8 @@ def invariant_point_functions(law: type) -> tuple[Any, Any, Any]:
     return energy, stress, tangent
 
 
-SWEEPS = 10
-"""Maximum number of sweeps of Jacobi's rotations. They converge quadratically, in 4 or 5."""
 EQUAL = 1e-5
 """Relative difference of two eigenvalues below which g_ij is its limit. Both are then exact to 1e-10."""
-
-
-@wp.func
-def eigenvectors(C: mat33):
-    """Eigenvectors of a symmetric matrix in columns, by Jacobi's cyclic rotations."""
-    V = wp.identity(n=3, dtype=f64)
-    D = C
-    sweep = int(0)
-    while sweep < SWEEPS:
-        for turn in range(3):
-            p = wp.where(turn == 2, 1, 0)
-            q = wp.where(turn == 0, 1, 2)
-            off = D[p, q]
-            if wp.abs(off) > f64(1e-300):
-                theta = (D[q, q] - D[p, p]) / (f64(2.0) * off)
-                t = wp.where(theta >= f64(0.0), f64(1.0), f64(-1.0)) / (
-                    wp.abs(theta) + wp.sqrt(theta * theta + f64(1.0))
-                )
-                c = f64(1.0) / wp.sqrt(t * t + f64(1.0))
-                s = t * c
-                R = wp.identity(n=3, dtype=f64)
-                R[p, p] = c
-                R[q, q] = c
-                R[p, q] = s
-                R[q, p] = -s
-                D = wp.transpose(R) * D * R
-                V = V * R
-        sweep += 1
-    return V
 
 
 @cache
@@ -200,10 +169,7 @@ def stretch_point_functions(law: type) -> tuple[Any, Any, Any]:
     @wp.func
     def principal(F: mat33):
         """Eigenvectors, b_i, and ln b_i of the isochoric tensor."""
-        C = wp.transpose(F) * F
-        V = eigenvectors(C)
-        S = wp.transpose(V) * C * V
-        b = wp.vec3d(S[0, 0], S[1, 1], S[2, 2])
+        V, b = wp.eig3(wp.transpose(F) * F)
         mean = (wp.log(b[0]) + wp.log(b[1]) + wp.log(b[2])) * third
         return V, b, wp.vec3d(wp.log(b[0]) - mean, wp.log(b[1]) - mean, wp.log(b[2]) - mean)
 
