@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import linregress
 
 from explicit.materials import LAWS
 from kolsky.base.arrays import FloatArray
@@ -63,10 +64,8 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
     x, y = strain[inside], stress[inside]
     if np.unique(x).size < FEWEST:
         return None
-    dx = x - x.mean()
-    slope = float(dx @ y / (dx @ dx))
-    rest = y - y.mean() - slope * dx
-    return Measured(slope, float(np.sqrt(rest @ rest / (x.size - 2) / (dx @ dx))))
+    line = linregress(x, y)
+    return Measured(float(line.slope), float(line.stderr))
 
 
 def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
