@@ -128,7 +128,7 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
     mesh = found.problem.sheet.mesh
     nodal = np.moveaxis(found.cost.state.displacements, 0, 1).reshape(len(mesh.points), -1)
     simulated, cell = interpolated(mesh, nodal, measured.points)
-    moved = measured.displacements - found.translation
+    moved = measured.displacements - found.problem.translation(found.cost.state)
     own = np.moveaxis(moved, 0, 1).reshape(len(measured.points), -1)
     apart = np.abs(own - simulated)
     inside = cell >= 0

@@ -358,11 +358,6 @@ class FieldFit:
         return self.problem.misfit(self.cost.state)
 
     @property
-    def translation(self) -> FloatArray:
-        """Translation of the measured field of each step that fits best, Eq. (F.1) [m], shape [n, 1, 2]."""
-        return self.problem.translation(self.cost.state)
-
-    @property
     def noise(self) -> FloatArray:
         """The misfit expected from the noise of the points alone [-], shape [n]."""
         area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
@@ -552,10 +547,8 @@ def _search(
         begun = problem.cost(start)
     except ValueError as error:
         raise ValueError(f"the simulation at the start failed: {error}") from None
-    scale = 0.0 if remainder is None else begun.gauss_newton[0, 0]
-    at = _Search(
-        start, begun, scale * (np.zeros_like(begun.gauss_newton) if remainder is None else remainder)
-    )
+    curved = begun.gauss_newton
+    at = _Search(start, begun, np.zeros_like(curved) if remainder is None else curved[0, 0] * remainder)
     progress(at.runs, MOST_RUNS)
     while at.runs < MOST_RUNS:
         size = _sizes(problem.constants, at.free)

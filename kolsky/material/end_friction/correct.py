@@ -327,7 +327,7 @@ def fit_specimen(
             failed.append(ModelFit.without(one.model.name, "it has no equilibrium on the refined mesh"))
             continue
         row = model_fit(one, test, band.strain, float(weight), float(criterion))
-        change = mesh_change(one, test)
+        change = test.moved(one.gain, one.made, one.mesh)
         share = mesh_share(test.numerics)
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         drift = _range_drift(one, test)
@@ -342,14 +342,6 @@ def fit_specimen(
         remark = _drift_remark(row, drift, units) if drift.probability < DRIFTS else ""
         made.append(replace(row, sigma=sigma, remark=remark))
     return (*sorted(made, key=lambda one: -one.weight), *failed)
-
-
-def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
-    """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
-    rows = one.mesh_change / test.noise
-    if test.bulge is not None and one.mesh is not None:
-        rows = np.append(rows, (one.mesh.bulge - one.made.bulge) / test.bulge_scale)
-    return np.asarray(-one.gain[:, : rows.size] @ rows)
 
 
 SLOW_STRESS = 1.5e-3
@@ -480,7 +472,4 @@ def _poisson_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
         replace(test, numerics=own).simulate(one.model, one.theta, derivatives=False)
         for own in (numerics, stiffer)
     ]
-    rows = np.log(made[1].stress / made[0].stress) / test.noise
-    if test.bulge is not None:
-        rows = np.append(rows, (made[1].bulge - made[0].bulge) / test.bulge_scale)
-    return np.asarray(-one.gain[:, : rows.size] @ rows)
+    return test.moved(one.gain, *made)

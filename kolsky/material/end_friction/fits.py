@@ -289,10 +289,7 @@ def _refined_fit(one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpeci
     coarse = replace(one, chi2=float(np.sum(finer.residual(one.made) ** 2)), mesh=None)
     if one.mesh is None:
         return coarse
-    rows = [(one.off + one.mesh_change) / finer.noise]
-    if test.bulge is not None:
-        rows.append((one.mesh.bulge - test.bulge) / test.bulge_scale)
-    residual = np.concatenate(rows)
+    residual = finer.residual(one.mesh)
     jacobian = one.jacobian.copy()
     jacobian[:n] *= (test.noise / finer.noise)[:, None]
     prior = one.model.prior(test.own(one.theta))[0]

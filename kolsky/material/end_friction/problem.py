@@ -387,6 +387,14 @@ class MeasuredSpecimen:
             rows.append((made.bulge - self.bulge) / self.bulge_scale)
         return np.concatenate(rows)
 
+    def moved(self, gain: FloatArray, made: Compression, other: Compression) -> FloatArray:
+        """Change of the unknowns if the simulated test becomes another one [-], shape [n_unknowns].
+
+        ``gain``: change of the unknowns by a change of the residuals' data, `ModelOptimum.gain`.
+        """
+        rows = self.residual(other) - self.residual(made)
+        return np.asarray(-gain[:, : rows.size] @ rows)
+
     def jacobian(self, made: Compression, theta: FloatArray) -> FloatArray:
         """Their derivatives by all unknowns, shape [n or 2 n, n_unknowns]."""
         rows = [made.stress_by / made.stress[:, None] / self.noise[:, None]]

@@ -203,9 +203,12 @@ def test_criteria_by_hand():
     r, T = np.array([1.0, -1.0, 2.0]), np.array([1.0, 2.0, 6.0])
     assert fit.rmse(r) == pytest.approx(np.sqrt(2.0))
     assert fit.r_squared(r, T) == pytest.approx(1.0 - 6.0 / 14.0)
-    assert fit.aic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 4.0)
-    assert fit.bic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
-    assert fit.aic(6.0, 3, 2, known_noise=True) == 10.0
+    made = replace(
+        fit_law(LAWS["yeoh"], planted(LAWS["yeoh"](1e4, 0.0, 0.0))), chi2=6.0, n=3, free=("a", "b")
+    )
+    assert made.aic == pytest.approx(3.0 * np.log(2.0) + 4.0)
+    assert made.bic == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
+    assert replace(made, weighting=Weighting.SIGMA).aic == 10.0
     assert fit.durbin_watson(r) == pytest.approx((4.0 + 9.0) / 6.0)
 
 
