@@ -234,13 +234,6 @@ class Inversion:
     equilibria: int
 
 
-def _inversion(angle: float, at: Bending, ended: SearchEnd, equilibria: int) -> Inversion:
-    if not at.solution.outcome.ok:
-        empty = np.full(at.pressures.shape[1], np.nan)
-        return Inversion(angle, empty, float(at.angle[-1]), empty, ended, equilibria)
-    return Inversion(angle, at.pressures[-1], float(at.angle[-1]), at.slopes()[-1], ended, equilibria)
-
-
 def pressures_for(
     actuator: Actuator,
     gravity: Sequence[float] | FloatArray,
@@ -253,16 +246,31 @@ def pressures_for(
 
     ``gravity``: acceleration of free fall [m/s^2]. ``most``: largest pressure, or suction if below 0 [Pa].
     """
-    count, memory = len(actuator.cavities), _Memory(actuator, gravity)
-    size = float(np.ptp(actuator.mesh.points[:, 0]))
+    count, size = len(actuator.cavities), float(np.ptp(actuator.mesh.points[:, 0]))
+    last: Bending | None = None
+    equilibria = 0
+
+    def at(x: FloatArray) -> Bending:
+        """The equilibrium at shares of the largest pressure, from the last one."""
+        nonlocal last, equilibria
+        pressures = most * x
+        if last is not None and np.array_equal(last.pressures[-1], pressures):
+            return last
+        equilibria += 1
+        steps = pressures[None] if last is not None else np.outer(np.arange(1, RAMP + 1) / RAMP, pressures)
+        guess = None if last is None else last.solution.displacements[-1:]
+        bend = actuator.simulate(gravity, steps, guess=guess)
+        bend.solution.outcome.require("a trial")
+        last = bend
+        return bend
 
     def residual(x: FloatArray) -> FloatArray:
-        chord = memory.at(most * x).chord[-1]
+        chord = at(x).chord[-1]
         left = np.array([float(bend_of(chord)) - angle])
         return left if tip is None else np.concatenate([left, (chord - np.asarray(tip)) / size])
 
     def jacobian(x: FloatArray) -> FloatArray:
-        near = memory.at(most * x)
+        near = at(x)
         by = most * near.chord_slopes()[-1].T
         top = bend_slope(near.chord[-1])[None] @ by
         return top if tip is None else np.concatenate([top, by / size])
@@ -272,42 +280,13 @@ def pressures_for(
             residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0),
             xtol=PRECISION, ftol=PRECISION, gtol=PRECISION,
         )  # fmt: skip
-    except _NoEquilibriumError as error:
-        return _inversion(angle, error.bend, SearchEnd.FAILED, memory.equilibria)
-    near = memory.at(most * best.x)
+    except ValueError:
+        none = np.full(count, np.nan)
+        return Inversion(angle, none, np.nan, none, SearchEnd.FAILED, equilibria)
+    near = at(best.x)
     ended = SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
     if float(np.abs(best.fun).max()) <= TOLERANCE:
         ended = SearchEnd.YES
     elif count == 1 and tip is None and min(best.x[0], 1.0 - best.x[0]) < AT_BOUND:
         ended = SearchEnd.ABOVE if best.x[0] > 0.5 else SearchEnd.BELOW
-    return _inversion(angle, near, ended, memory.equilibria)
-
-
-class _NoEquilibriumError(Exception):
-    """A trial point of the search has no equilibrium."""
-
-    def __init__(self, bend: Bending) -> None:
-        self.bend = bend
-
-
-class _Memory:
-    """The last equilibrium. The next one is computed from it."""
-
-    def __init__(self, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> None:
-        self.actuator, self.gravity = actuator, gravity
-        self.last: Bending | None = None
-        self.equilibria = 0
-
-    def at(self, pressures: FloatArray) -> Bending:
-        """The equilibrium at pressures of shape [n_cavities]."""
-        last = self.last
-        if last is not None and np.array_equal(last.pressures[-1], pressures):
-            return last
-        self.equilibria += 1
-        steps = pressures[None] if last is not None else np.outer(np.arange(1, RAMP + 1) / RAMP, pressures)
-        guess = None if last is None else last.solution.displacements[-1:]
-        bend = self.actuator.simulate(self.gravity, steps, guess=guess)
-        if not bend.solution.outcome.ok:
-            raise _NoEquilibriumError(bend)
-        self.last = bend
-        return bend
+    return Inversion(angle, near.pressures[-1], float(near.angle[-1]), near.slopes()[-1], ended, equilibria)

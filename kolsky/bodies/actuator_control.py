@@ -179,8 +179,6 @@ class Controller:
     """The controller of Eq. (A.3). Its state is the sum s and the last equilibrium."""
 
     def __init__(self, model: ReducedActuator, *, gain: float, most: float) -> None:
-        if not 0.0 < gain <= 2.0:
-            raise ValueError(f"gain must be in (0, 2], got {gain}")
         self.model, self.gain, self.most = model, gain, most
         self.sum = 0.0
         self.pressure = 0.0

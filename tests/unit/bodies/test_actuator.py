@@ -417,17 +417,9 @@ def test_edges_of_a_hole_in_a_closed_surface() -> None:
     assert len(rim(mesh.with_set("cavity_1", own[own != corner]), "cavity_1")) == 6
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"wall": 0.0}, "wall must be > 0"),
-        ({"channel": (12e-3, 2e-3)}, "width"),
-        ({"element": "hex20"}, "hex20"),
-    ],
-)
-def test_what_makes_no_actuator_is_refused(wrong: dict[str, object], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        Pneunet(**wrong)  # type: ignore[arg-type]
+def test_what_makes_no_actuator_is_refused() -> None:
+    with pytest.raises(ValueError, match="width"):
+        Pneunet(channel=(12e-3, 2e-3))
 
 
 MODEL_SLOPE = 1e-5
