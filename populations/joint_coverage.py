@@ -26,7 +26,7 @@ from explicit.relaxation import PronySeries
 from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.settings import JointSettings
 from kolsky.joint_identification import identify_shots
-from kolsky.material.relaxation.evidence import HistoryTest, RateModel
+from kolsky.material.relaxation.rate_fit import HistoryTest, RateModel
 from kolsky.results.joint import to_json
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import Place, make_places, place_of

@@ -1,14 +1,10 @@
 """Bending angle of an actuator under a pressure and gravity, and the pressure for a target angle.
 
-The inverse uses Newton's method with the exact slope, or bounded least squares for several pressures.
+The pressures for a target are found by SciPy's trust region with bounds (Branch, Coleman and Li 1999). Its
+residuals are (Theta - Theta_d) and, for a target of the tip, (t - t_d) / L, with their exact Jacobian. For
+one pressure and one angle its step is Newton's,
 
-For one pressure and one angle the sensitivity of the equilibrium gives the step,
-
-    p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
-
-The step stays inside the bracket of the computed angles. A step that would leave it is replaced by bisection.
-Several pressures, or a target position of the tip, are found by SciPy's trust region with bounds (Branch,
-Coleman and Li 1999). Its residuals are (Theta - Theta_d) and (t - t_d) / L, with their exact Jacobian.
+    p <- p - (Theta(p) - Theta_d) / (dTheta/dp).                                               (A.2)
 """
 
 from collections.abc import Sequence
@@ -74,42 +70,26 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     pressures, asked = schedule(spec.pressures)
     directions = []
     for name, g in spec.gravities.items():
-        runs: list[Bending | None] = []
-        paths: list[ArcPath | None] = []
-        for body in (None, spec.healed):
-            if body is None and runs:
-                runs.append(None)
-                continue
-            run, path = _simulated(spec, g, pressures, body)
-            paths.append(path)
-            outcome = run.solution.outcome
-            if not outcome.ok:
-                reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
-                raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
-            runs.append(run)
-        assert runs[0] is not None
-        gap, contact = smallest_gap(runs[0]), touching(runs[0])
-        forces = forces_outside(runs[0])
-        directions.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact, forces))
+        run, path = _simulated(spec, name, g, pressures, None)
+        healed = None if spec.healed is None else _simulated(spec, name, g, pressures, spec.healed)[0]
+        gap, contact, forces = smallest_gap(run), touching(run), forces_outside(run)
+        directions.append(Direction(name, run, healed, asked, gap, path, contact, forces))
     return directions
 
 
 def _simulated(
-    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, body: Solid | None
+    spec: ActuatorSpec, name: str, gravity: FloatArray, pressures: FloatArray, body: Solid | None
 ) -> tuple[Bending, ArcPath | None]:
     """Equilibria step by step, or along the path if SPEC declares one."""
-    section = spec.declared.path
+    section, path = spec.declared.path, None
     constants = spec.actuator.constants(body=body)
     if section is None:
-        return spec.actuator.simulate(gravity, pressures, constants=constants), None
-    return spec.actuator.follow(
-        gravity,
-        pressures,
-        first=section.first,
-        steps=section.steps,
-        longest=section.longest,
-        constants=constants,
-    )
+        run = spec.actuator.simulate(gravity, pressures, constants=constants)
+    else:
+        run, path = spec.actuator.follow(gravity, pressures, constants=constants, **dict(section))
+    reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
+    run.solution.outcome.require(f"{name}, beyond {reached:.3g} bar")
+    return run, path
 
 
 def path_angle(path: ArcPath) -> FloatArray:
@@ -162,9 +142,7 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
             prony=prony, start=one.pristine.solution.displacements[0],
             start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
         )  # fmt: skip
-        if not run.outcome.ok:
-            reached = time[run.reached - 1]
-            raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")
+        run.outcome.require(f"{one.name}, beyond {time[run.reached - 1]:.4g} s")
         angle = bend_of(chord_of(model.mesh, run.displacements))
         motions.append(BendInTime(one.name, time, pressure, angle))
     return motions
@@ -219,10 +197,12 @@ def relative_bend(one: Direction) -> FloatArray:
         return np.asarray((after / before - 1.0)[one.asked])
 
 
-TOLERANCE = 1e-6
-"""Largest difference from the target angle [rad]."""
-ITERATIONS = 25
-"""Maximum number of equilibria in a search."""
+TOLERANCE = 1e-4
+"""Largest difference from the target angle [rad], and from the target tip over the length [-]."""
+PRECISION = 1e-10
+"""Relative change of pressures, sum of squares and gradient at which a search ends [-]."""
+AT_BOUND = 1e-3
+"""A pressure is at a bound if its distance from it is below this, as a share of the largest pressure [-]."""
 RAMP = 4
 """Number of steps to the first pressure."""
 
@@ -254,62 +234,6 @@ class Inversion:
     equilibria: int
 
 
-def pressure_for(
-    actuator: Actuator, gravity: Sequence[float] | FloatArray, angle: float, *, most: float
-) -> Inversion:
-    """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
-
-    ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad]. ``most``: largest pressure,
-    or suction if below 0 [Pa]. Suction bends the other way. The search then reverses the signs of angle and
-    pressure, and its function increases.
-    """
-    rest, memory = actuator.simulate(gravity, np.zeros(1)), _Memory(actuator, gravity)
-    way = -1.0 if most < 0.0 else 1.0
-    start = Search(way * angle, way * most, way * float(rest.angle[0]), 0.5 * way * most)
-    if not rest.solution.outcome.ok or start.wanted < start.low_angle - TOLERANCE:
-        ended = SearchEnd.BELOW if rest.solution.outcome.ok else SearchEnd.FAILED
-        return _inversion(angle, rest, ended, 1)
-    for n in range(2, ITERATIONS + 2):
-        try:
-            near = memory.at(np.full(len(actuator.cavities), way * start.pressure))
-        except _NoEquilibriumError as error:
-            return _inversion(angle, error.bend, SearchEnd.FAILED, n)
-        value, slope = float(near.angle[-1]), float(near.slopes()[-1].sum())
-        if abs(value - angle) <= TOLERANCE:
-            return _inversion(angle, near, SearchEnd.YES, n)
-        if start.pressure == start.most and way * value < start.wanted:
-            return _inversion(angle, near, SearchEnd.ABOVE, n)
-        start.take(way * value, slope)
-    return _inversion(angle, near, SearchEnd.NOT_CONVERGED, ITERATIONS + 1)
-
-
-class Search:
-    """The bracket of an increasing function, and the next trial pressure."""
-
-    def __init__(self, wanted: float, most: float, at_zero: float, first: float) -> None:
-        self.wanted, self.most = wanted, most
-        self.low, self.low_angle, self.high = 0.0, at_zero, most
-        self.pressure = first
-
-    def take(self, angle: float, slope: float) -> None:
-        """Update the bracket with the angle and slope at `pressure`."""
-        if angle < self.wanted:
-            self.low = self.pressure
-        else:
-            self.high = self.pressure
-        step = self.pressure - (angle - self.wanted) / slope if slope > 0.0 else np.nan
-        inside = self.low < step < self.high
-        beyond = step >= self.high == self.most  # no computed angle above it yet: search there
-        self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
-
-
-def _inversion(angle: float, at: Bending, ended: SearchEnd, equilibria: int) -> Inversion:
-    if not at.solution.outcome.ok:
-        empty = np.full(at.pressures.shape[1], np.nan)
-        return Inversion(angle, empty, float(at.angle[-1]), empty, ended, equilibria)
-    return Inversion(angle, at.pressures[-1], float(at.angle[-1]), at.slopes()[-1], ended, equilibria)
-
-
 def pressures_for(
     actuator: Actuator,
     gravity: Sequence[float] | FloatArray,
@@ -318,56 +242,51 @@ def pressures_for(
     tip: Sequence[float] | FloatArray | None = None,
     most: float,
 ) -> Inversion:
-    """Find the pressure of each cavity, in [0, most], for a target angle [rad] and, if given, tip [m]."""
-    count, memory = len(actuator.cavities), _Memory(actuator, gravity)
-    size = float(np.ptp(actuator.mesh.points[:, 0]))
+    """Find the pressure of each cavity for a target angle [rad] and, if given, tip [m].
+
+    ``gravity``: acceleration of free fall [m/s^2]. ``most``: largest pressure, or suction if below 0 [Pa].
+    """
+    count, size = len(actuator.cavities), float(np.ptp(actuator.mesh.points[:, 0]))
+    last: Bending | None = None
+    equilibria = 0
+
+    def at(x: FloatArray) -> Bending:
+        """The equilibrium at shares of the largest pressure, from the last one."""
+        nonlocal last, equilibria
+        pressures = most * x
+        if last is not None and np.array_equal(last.pressures[-1], pressures):
+            return last
+        equilibria += 1
+        steps = pressures[None] if last is not None else np.outer(np.arange(1, RAMP + 1) / RAMP, pressures)
+        guess = None if last is None else last.solution.displacements[-1:]
+        bend = actuator.simulate(gravity, steps, guess=guess)
+        bend.solution.outcome.require("a trial")
+        last = bend
+        return bend
 
     def residual(x: FloatArray) -> FloatArray:
-        chord = memory.at(most * x).chord[-1]
+        chord = at(x).chord[-1]
         left = np.array([float(bend_of(chord)) - angle])
         return left if tip is None else np.concatenate([left, (chord - np.asarray(tip)) / size])
 
     def jacobian(x: FloatArray) -> FloatArray:
-        near = memory.at(most * x)
+        near = at(x)
         by = most * near.chord_slopes()[-1].T
         top = bend_slope(near.chord[-1])[None] @ by
         return top if tip is None else np.concatenate([top, by / size])
 
     try:
-        best = least_squares(residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0), xtol=1e-12)
-    except _NoEquilibriumError as error:
-        return _inversion(angle, error.bend, SearchEnd.FAILED, memory.equilibria)
-    near = memory.at(most * best.x)
-    close = float(np.abs(best.fun).max()) <= 1e2 * TOLERANCE
-    ended = SearchEnd.YES if close else SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
-    return _inversion(angle, near, ended, memory.equilibria)
-
-
-class _NoEquilibriumError(Exception):
-    """A trial point of the search has no equilibrium."""
-
-    def __init__(self, bend: Bending) -> None:
-        self.bend = bend
-
-
-class _Memory:
-    """The last equilibrium. The next one is computed from it."""
-
-    def __init__(self, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> None:
-        self.actuator, self.gravity = actuator, gravity
-        self.last: Bending | None = None
-        self.equilibria = 0
-
-    def at(self, pressures: FloatArray) -> Bending:
-        """The equilibrium at pressures of shape [n_cavities]."""
-        last = self.last
-        if last is not None and np.array_equal(last.pressures[-1], pressures):
-            return last
-        self.equilibria += 1
-        steps = pressures[None] if last is not None else np.outer(np.arange(1, RAMP + 1) / RAMP, pressures)
-        guess = None if last is None else last.solution.displacements[-1:]
-        bend = self.actuator.simulate(self.gravity, steps, guess=guess)
-        if not bend.solution.outcome.ok:
-            raise _NoEquilibriumError(bend)
-        self.last = bend
-        return bend
+        best = least_squares(
+            residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0),
+            xtol=PRECISION, ftol=PRECISION, gtol=PRECISION,
+        )  # fmt: skip
+    except ValueError:
+        none = np.full(count, np.nan)
+        return Inversion(angle, none, np.nan, none, SearchEnd.FAILED, equilibria)
+    near = at(best.x)
+    ended = SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
+    if float(np.abs(best.fun).max()) <= TOLERANCE:
+        ended = SearchEnd.YES
+    elif count == 1 and tip is None and min(best.x[0], 1.0 - best.x[0]) < AT_BOUND:
+        ended = SearchEnd.ABOVE if best.x[0] > 0.5 else SearchEnd.BELOW
+    return Inversion(angle, near.pressures[-1], float(near.angle[-1]), near.slopes()[-1], ended, equilibria)

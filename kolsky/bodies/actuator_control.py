@@ -1,4 +1,4 @@
-"""Closed loop of an actuator: reduced model, controller, simulated plant, and the stored basis.
+"""Closed loop of an actuator: reduced model, controller and simulated plant.
 
 The controller converts the measured bend to a pressure in milliseconds. It uses the inverse of the reduced
 model.
@@ -15,21 +15,16 @@ and the measurement be delayed by d ticks. The loop is stable for
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from hashlib import sha256
-from pathlib import Path
+from dataclasses import dataclass
 from time import perf_counter, process_time, sleep
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.base.hdf5 import Format, reading, writing
-from kolsky.base.hdf5_records import COLLECTION, Flags, Floats, Integers, Record, Text
-from kolsky.bodies.actuator_model import WEIGHT, Actuator, Bending, bend_of, bend_slope, smallest_gap
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.bodies.actuator_model import WEIGHT, Actuator, bend_of, bend_slope, smallest_gap
 from kolsky.bodies.actuator_reading import ControlSection
-from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Sample, reduce
-from kolsky.equilibrium.solution import Outcome
+from kolsky.equilibrium.reduction import ReducedModel, ReducedState, reduce
 
 FINER = 3
 """Maximum number of divisions by ten of the tolerance for choosing elements. Below 1e-6 of the forces, the
@@ -48,11 +43,6 @@ class ReducedBend:
     """dTheta/dp [rad/Pa]."""
     state: ReducedState
 
-    @property
-    def ok(self) -> bool:
-        """True if there is one."""
-        return self.state.outcome is Outcome.COMPLETED
-
 
 class ReducedActuator:
     """Bend over pressure from a reduced model."""
@@ -63,13 +53,12 @@ class ReducedActuator:
         tip, origin = (mesh.points[mesh.nodes(where)].mean(axis=0) for where in ("tip", "origin"))
         self._rest = tip - origin
         self._modes = reduced.rows("tip") - reduced.rows("origin")
-        self._rows = reduced.constants()
 
     def bend(
         self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9
     ) -> ReducedBend:
         """The bend under a pressure [Pa]. The search starts from nearby amplitudes."""
-        state = self.reduced.equilibrium([pressure], start=start, rows=self._rows, tolerance=tolerance)
+        state = self.reduced.equilibrium([pressure], start=start, tolerance=tolerance)
         chord = self._rest + self._modes @ state.q
         slope = float(bend_slope(chord) @ (self._modes @ state.slopes[:, 0]))
         return ReducedBend(float(bend_of(chord)), slope, state)
@@ -123,25 +112,23 @@ def reduce_actuator(
         raise ValueError("the reduced model has no contact: remove [contact], [plane] and [blocked]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
-    outcome = whole.solution.outcome
-    if not outcome.ok:
-        reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
-        raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
-    first, between = _every(whole, 0), _every(whole, 1)
+    reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
+    whole.solution.outcome.require(f"beyond {reached:.3g} bar")
+    model, snapshots = whole.solution.model, whole.solution.displacements[::2]
+    check, angle = pressures[1::2], whole.angle[1::2]
     gaps = smallest_gap(whole)
     gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
     found = None
     for finer in range(FINER + 1):
-        made = ReducedActuator(
-            reduce([first.solution], modes=modes, tolerance=0.1**finer * tolerance, gravity=WEIGHT)
-        )
+        choice = 0.1**finer * tolerance
+        made = ReducedActuator(reduce(model, snapshots, modes=modes, tolerance=choice, gravity=WEIGHT))
         try:
-            angles = _reduced_angles(made, between.pressures[:, 0])
+            angles = _reduced_angles(made, check)
         except ValueError:
             if within is None or finer == FINER:
                 raise
             continue
-        found = Reduction(made, between.pressures[:, 0], between.angle, angles - between.angle, gap)
+        found = Reduction(made, check, angle, angles - angle, gap)
         if within is None or found.error_up_to(within[0]) <= within[1]:
             break
     assert found is not None
@@ -153,7 +140,7 @@ def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
     angles, start = [], None
     for pressure in pressures:
         bend = made.bend(float(pressure), start=start)
-        if not bend.ok:
+        if not bend.state.outcome.ok:
             raise ValueError(
                 f"the reduced model has no equilibrium at {1e-5 * pressure:.3g} bar: raise control.modes or "
                 "control.snapshots, or lower control.tolerance"
@@ -161,21 +148,6 @@ def _reduced_angles(made: ReducedActuator, pressures: FloatArray) -> FloatArray:
         angles.append(bend.angle)
         start = bend.state.q
     return np.array(angles)
-
-
-def _every(whole: Bending, offset: int) -> Bending:
-    """Every second step."""
-    s = whole.solution
-    part = slice(offset, None, 2)
-    cut = replace(
-        s,
-        steps={name: values[part] for name, values in s.steps.items()},
-        displacements=s.displacements[part],
-        forces=s.forces[part],
-        energy=s.energy[part],
-        reached=len(s.displacements[part]),
-    )
-    return Bending(cut, whole.pressures[part])
 
 
 ANGLE_TOLERANCE = 1e-5
@@ -207,8 +179,6 @@ class Controller:
     """The controller of Eq. (A.3). Its state is the sum s and the last equilibrium."""
 
     def __init__(self, model: ReducedActuator, *, gain: float, most: float) -> None:
-        if not 0.0 < gain <= 2.0:
-            raise ValueError(f"gain must be in (0, 2], got {gain}")
         self.model, self.gain, self.most = model, gain, most
         self.sum = 0.0
         self.pressure = 0.0
@@ -243,7 +213,7 @@ class Controller:
     def _inverse(self, asked: float) -> bool:
         """Newton's method for the pressure, from the nearest known angle; False if it does not converge."""
         pressure, near = min(
-            [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
+            [(self.pressure, self._last), *(one for one in self._path if one[1].state.outcome.ok)],
             key=lambda one: abs(asked - one[1].angle),
         )
         for _ in range(_INVERSIONS):
@@ -258,25 +228,19 @@ class Controller:
             start = near.state.q + near.state.slopes[:, 0] * (following - pressure)
             near = self.model.bend(following, start=start, tolerance=_EQUILIBRIUM)
             pressure = following
-            if not near.ok:
+            if not near.state.outcome.ok:
                 return False
         return False
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A simulated actuator with its pressure supply and camera."""
+    """A simulated actuator. Its pressure supply and its camera are those of [control]."""
 
     pressure: FloatArray
     """Pressures [Pa], increasing, shape [n]."""
     angle: FloatArray
     """Angle of the full model with the plant's stiffness at these pressures [rad], shape [n]."""
-    lag: float
-    """Time constant of the pressure [s]."""
-    delay: int
-    """Delay of the camera in ticks."""
-    noise: float
-    """Standard deviation of a measured angle [rad]."""
 
 
 JUDGED_SHARE = 0.5
@@ -326,29 +290,21 @@ class Closed:
         return np.array(errors)
 
 
-def run_loop(
-    controller: Controller,
-    plant: Plant,
-    wanted: FloatArray,
-    *,
-    rate: float,
-    seed: int,
-    real_time: bool = False,
-) -> Closed:
-    """Run the closed loop for target angles [rad] of shape [n], one per tick. The pressure follows the
-    requested one with the plant's lag. The camera measures the angle with noise and a delay of some ticks. In
-    real time, each tick waits for its scheduled time, and the wake-up delay is part of its wall time."""
-    rng = np.random.default_rng(seed)
-    bend = PchipInterpolator(plant.pressure, plant.angle)
+def run_loop(controller: Controller, plant: Plant, section: ControlSection) -> Closed:
+    """Run the closed loop for the target angles of a section. The pressure follows the requested one with the
+    plant's lag. The camera measures the angle with noise and a delay of some ticks. In real time, each tick
+    waits for its scheduled time, and the wake-up delay is part of its wall time."""
+    rng, wanted, rate = np.random.default_rng(section.seed), schedule(section), section.rate
+    bend, real_time = PchipInterpolator(plant.pressure, plant.angle), section.real_time
     n, dt = len(wanted), 1.0 / rate
-    follow = 1.0 - np.exp(-dt / plant.lag) if plant.lag > 0.0 else 1.0
+    follow = 1.0 - np.exp(-dt / section.lag) if section.lag > 0.0 else 1.0
     inside = 0.0
     columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall", "processor")}
     bounded, held = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     begun = perf_counter()
     for k in range(n):
         columns["angle"][k] = bend(inside)
-        seen = columns["angle"][max(k - plant.delay, 0)] + plant.noise * rng.standard_normal()
+        seen = columns["angle"][max(k - section.delay, 0)] + section.noise * rng.standard_normal()
         due = begun + k * dt
         while real_time and (left := due - perf_counter()) > 0.0:
             sleep(left)
@@ -359,86 +315,7 @@ def run_loop(
         bounded[k], held[k] = decided.bounded, decided.held
         inside += follow * (decided.pressure - inside)
     time = np.asarray(dt * np.arange(n), dtype=np.float64)
-    return Closed(
-        time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate, real_time=real_time
-    )
-
-
-FORMAT = Format("kolsky actuator basis")
-CURE = "delete it: it is made again from the SPEC"
-
-
-@dataclass(frozen=True)
-class StoredBasis:
-    """Fields of `Basis`, `Sample`, `Reduction` and `Plant` as stored in a file, in the units of `_BASIS`."""
-
-    key: str
-    modes: FloatArray
-    singular: FloatArray
-    cells: IntArray
-    weights: FloatArray
-    residual: float
-    reached: bool
-    pressure: FloatArray
-    angle: FloatArray
-    error: FloatArray
-    gap: float
-    plant_pressure: FloatArray
-    plant_angle: FloatArray
-
-
-_BASIS = Record(
-    StoredBasis,
-    COLLECTION,
-    {
-        "key": Text(),
-        "modes": Floats("1", "components modes"),
-        "singular": Floats("m", "snapshots"),
-        "cells": Integers("1", "elements"),
-        "weights": Floats("1", "elements"),
-        "residual": Floats("1"),
-        "reached": Flags("1"),
-        "pressure": Floats("Pa", "unseen"),
-        "angle": Floats("rad", "unseen"),
-        "error": Floats("rad", "unseen"),
-        "gap": Floats("m"),
-        "plant_pressure": Floats("Pa", "plant"),
-        "plant_angle": Floats("rad", "plant"),
-    },
-)
-
-
-def basis_key(
-    actuator: Actuator, gravity: Sequence[float] | FloatArray, section: ControlSection, steps: int
-) -> str:
-    """SHA-256 of all inputs of a reduction and of its plant, simulated at `steps` pressures."""
-    digest = sha256()
-    mesh, solid = actuator.mesh, actuator.solid
-    words = (
-        mesh.kind, type(solid).__name__, repr(solid), repr(actuator.cavities), repr(actuator.mixed),
-        repr(actuator.density_of_regions), repr([float(g) for g in gravity]), repr(steps),
-        repr((section.most, section.modes, section.tolerance, section.snapshots, section.plant_stiffness)),
-        repr((max(section.angles), allowed_error(section))),
-    )  # fmt: skip
-    for word in words:
-        digest.update(word.encode() + b"\0")
-    arrays = [mesh.points, mesh.cells, actuator.constants(), *(part.cells for part in actuator.parts)]
-    for name in sorted(mesh.sets):
-        digest.update(name.encode() + b"\0")
-        arrays.append(mesh.nodes(name))
-    for array in arrays:
-        digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
-
-
-def _restored(basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> Reduction:
-    """The stored reduction of an actuator."""
-    model = actuator.model(gravity)
-    if len(basis.modes) != model.n_dofs or not (basis.cells < len(model.mesh.cells)).all():
-        raise ValueError("the stored basis is of another mesh: delete it")
-    sample = Sample(basis.cells, basis.weights, basis.residual, basis.reached)
-    reduced = ReducedModel(model, Basis(basis.modes, basis.singular), sample, gravity=WEIGHT)
-    return Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
+    return Closed(time, wanted, **columns, bounded=bounded, held=held, rate=rate, real_time=real_time)
 
 
 _PLANT_STEPS = 9
@@ -446,66 +323,27 @@ _PLANT_STEPS = 9
 
 
 def run_control(
-    actuator: Actuator,
-    gravities: Mapping[str, FloatArray],
-    section: ControlSection,
-    *,
-    basis: Path | None = None,
+    actuator: Actuator, gravities: Mapping[str, FloatArray], section: ControlSection
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
-    """Reduce the actuator, simulate the plant, and run the closed loop.
+    """Reduce the actuator, simulate the plant, and run the closed loop, for each direction of gravity.
 
-    ``basis``: folder of stored reductions and plants, reused if the inputs are equal; None: none is stored.
+    Raises ValueError if an equilibrium is not found, or if model or plant do not reach a target angle.
     """
-    prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
-    controllers = {}
-    for name, (made, plant) in prepared.items():
-        controllers[name] = Controller(made.model, gain=section.gain, most=section.most)
-        check_targets(name, made, plant, section, reach=controllers[name].reach)
-    closed = {}
-    for name, (_, plant) in prepared.items():
-        closed[name] = run_loop(
-            controllers[name],
-            plant,
-            schedule(section),
-            rate=section.rate,
-            seed=section.seed,
-            real_time=section.real_time,
-        )
-    return closed, {name: made for name, (made, _) in prepared.items()}
-
-
-def _prepared(
-    actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
-) -> tuple[Reduction, Plant]:
-    """The reduction and the plant for a direction of gravity, from the folder if it contains them."""
-    key = basis_key(actuator, gravity, section, _PLANT_STEPS)
-    file = None if basis is None else basis / f"{name}.h5"
-    if file is not None and file.exists():
-        with reading(file, FORMAT, cure=CURE) as place:
-            found = _BASIS.read(place)
-        if found.key == key:
-            made = _restored(found, actuator, gravity)
-            camera = (section.lag, section.delay, section.noise)
-            return made, Plant(found.plant_pressure, found.plant_angle, *camera)
-    made = reduce_actuator(
-        actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
-        seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
-    )  # fmt: skip
+    prepared, reductions = {}, {}
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
-    run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
-    if not run.solution.outcome.ok:
-        raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
-    plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
-    if file is not None:
-        own, sample = made.model.reduced.basis, made.model.reduced.sample
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with writing(file, FORMAT) as place:
-            found = StoredBasis(
-                key, own.modes, own.values, sample.cells, sample.weights, sample.residual, sample.reached,
-                made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
-            )  # fmt: skip
-            _BASIS.write(place, found)
-    return made, plant
+    for name, gravity in gravities.items():
+        made = reduce_actuator(
+            actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
+            seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
+        )  # fmt: skip
+        run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
+        run.solution.outcome.require("the plant")
+        plant = Plant(pressures, run.angle)
+        controller = Controller(made.model, gain=section.gain, most=section.most)
+        check_targets(name, made, plant, section, reach=controller.reach)
+        prepared[name], reductions[name] = (controller, plant), made
+    closed = {name: run_loop(*pair, section) for name, pair in prepared.items()}
+    return closed, reductions
 
 
 def check_targets(

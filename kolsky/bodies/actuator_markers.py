@@ -153,8 +153,7 @@ def fit_stiffness(
             pressures = np.array(sorted(sets))
             constants, guess = actuator.constants(factor), guesses.get(name)
             run = actuator.simulate(gravities[name], pressures, constants=constants, guess=guess)
-            if not run.solution.outcome.ok:
-                raise ValueError(f"{name} at {factor:.3g} times the stiffness: {run.solution.outcome.cause}")
+            run.solution.outcome.require(f"{name} at {factor:.3g} times the stiffness")
             guesses[name] = run.solution.displacements
             count = len(next(iter(sets.values())))
             weights = marker_weights(_line(actuator.mesh), count)

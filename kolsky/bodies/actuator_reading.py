@@ -13,13 +13,11 @@ from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.actuator_model import TIGHT, Actuator, Part, Pneunet, outside
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
-from kolsky.bodies.specimen_reading import read_constants
+from kolsky.bodies.specimen_reading import read_body, read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
-from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
-from kolsky.readers.meshes import read_mesh
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
@@ -55,10 +53,10 @@ class GeometrySection(Section):
         if self.mesh is None:
             return self
         extra = sorted(self.model_fields_set - {"mesh", "mesh_unit"})
-        if extra:
-            raise f.problem("has no effect with a mesh", key=extra[0], cure="remove it")
-        if self.mesh_unit is None:
-            raise f.problem("is missing", key="mesh_unit", cure='write the unit of its points, e.g. "mm"')
+        f.reject(
+            (bool(extra), "".join(extra[:1]), "has no effect with a mesh", "remove it"),
+            (self.mesh_unit is None, "mesh_unit", "is missing", 'write the unit of its points, e.g. "mm"'),
+        )
         return self
 
 
@@ -217,26 +215,20 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        if any(b <= a for a, b in pairwise(sizes)):
-            raise f.problem(
-                "do not rise", key="pressures", cure="list them from small to large, as suction too"
-            )
-        if min(self.pressures) < 0.0 < max(self.pressures):
-            raise f.problem(
-                "are of both signs", key="pressures", cure="simulate pressure and suction from two files"
-            )
-        if self.path is not None and self.pressures[-1] < 0.0:
-            raise f.problem("follows pressures above 0", key="path", cure="remove it for suction")
-        if self.path is not None and self.plane:
-            raise f.problem("is not followed against a plane", key="path", cure="remove [path] or [plane]")
-        if self.blocked is not None and self.invert is not None:
-            raise f.problem("has no effect on a blocked actuator", key="invert", cure="remove one of them")
-        if self.motion is not None and self.plane:
-            raise f.problem(
-                "is not simulated against a plane", key="motion", cure="remove [motion] or [plane]"
-            )
-        if not self.gravity:
-            raise f.problem("is empty", key="gravity", cure="write e.g. downward = [0.0, 0.0, -9.81]")
+        low, path = min(self.pressures), self.path is not None
+        both = low < 0.0 < max(self.pressures)
+        falling, on_a_plane = any(b <= a for a, b in pairwise(sizes)), bool(self.plane)
+        blocked = self.blocked is not None and self.invert is not None
+        moved = self.motion is not None and on_a_plane
+        f.reject(
+            (falling, "pressures", "do not rise", "list them from small to large, as suction too"),
+            (both, "pressures", "are of both signs", "simulate pressure and suction from two files"),
+            (path and low < 0.0, "path", "follows pressures above 0", "remove it for suction"),
+            (path and on_a_plane, "path", "is not followed against a plane", "remove [path] or [plane]"),
+            (blocked, "invert", "has no effect on a blocked actuator", "remove one of them"),
+            (moved, "motion", "is not simulated against a plane", "remove [motion] or [plane]"),
+            (not self.gravity, "gravity", "is empty", "write e.g. downward = [0.0, 0.0, -9.81]"),
+        )
         return self
 
 
@@ -255,8 +247,6 @@ class ActuatorSpec:
     declared: ActuatorFile
     """Its declared values, in SI."""
     actuator: Actuator
-    shape: Pneunet | None
-    """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
@@ -291,7 +281,9 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         _check_size(toml, max(shape.length, *shape.chamber))  # before a mesh of as many cells is made
         mesh, cavities = shape.mesh, shape.cavities
     else:
-        mesh = _mesh(toml, declared.geometry, inputs)
+        file, unit_of_points = declared.geometry.mesh, declared.geometry.mesh_unit
+        assert unit_of_points is not None  # checked by the schema
+        mesh = read_body(toml, "geometry.mesh", file, unit_of_points, inputs)
         cavities = tuple(sorted(name for name in mesh.sets if name.split("_")[0] == "cavity"))
         missing = [name for name in NEEDED if name not in mesh.sets] + ([] if cavities else ["cavity"])
         if missing:
@@ -324,7 +316,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     for name, g in declared.gravity.items():
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
-    return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
+    return ActuatorSpec(toml, declared, actuator, healed, inputs)
 
 
 def _check_size(toml: TomlFile, size: float) -> None:
@@ -474,14 +466,3 @@ def _solid(
         raise toml.error(f"{where}.D1", error.problem, cure='write "1.150 1/MPa" or "1.150 MPa"') from None
     except ValueError as error:
         raise toml.error(key, f"are not those of the law: {error}") from None
-
-
-def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
-    assert section.mesh is not None  # called only if declared
-    assert section.mesh_unit is not None  # checked by the schema
-    raw = read_mesh(toml.path.parent / section.mesh, dimension=3)
-    inputs[section.mesh] = raw.sha256
-    mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)
-    with toml.refusing("geometry.mesh", "has a bad cell", cure="mesh the body again"):
-        geometry(mesh, kinematics="3d", thickness=1.0, gauss=None)
-    return mesh

@@ -69,9 +69,9 @@ class Linearised:
     """df/dx [N/m], shape [n, ends, ends]."""
 
 
-Respond = Callable[[FloatArray, tuple[FloatArray, ...]], tuple[Linearised, ...] | str]
-"""Function of the constants and each specimen's displacements. It returns their forces, or the reason of a
-failure."""
+Respond = Callable[[FloatArray, tuple[FloatArray, ...]], tuple[Linearised, ...]]
+"""Function of the constants and each specimen's displacements. It returns their forces. It raises ValueError
+with the reason of a failure."""
 
 
 @dataclass(frozen=True)
@@ -154,9 +154,10 @@ def search(
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)
-    there = respond(p, x)
-    if isinstance(there, str):
-        raise ValueError(f"the simulation at the start failed: {there}")
+    try:
+        there = respond(p, x)
+    except ValueError as error:
+        raise ValueError(f"the simulation at the start failed: {error}") from None
 
     def each(compute: Callable[..., T], *more: FloatArray) -> tuple[T, ...]:
         """A value of every specimen at its displacements."""
@@ -180,13 +181,13 @@ def search(
         step = _step(problem, p, bounds, size, damping)
         trial = np.clip(p + step, *bounds)
         moved = each(best_displacement, trial - p)
-        found = respond(trial, moved)
-        runs += 1
-        if isinstance(found, str):
-            why, lower = found, np.inf
-        else:
+        runs, lower = runs + 1, np.inf
+        try:
+            found = respond(trial, moved)
             lower = sum(chi_square(own, at, f) for own, at, f in zip(samples, moved, found, strict=True))
-        if lower < chi2 and not isinstance(found, str):
+        except ValueError as error:
+            why = str(error)
+        if lower < chi2:
             settled = chi2 - lower <= CHI_SQUARE_TOLERANCE * chi2
             p, x, there, chi2, damping = trial, moved, found, lower, max(0.1 * damping, 1e-12)
             if settled:

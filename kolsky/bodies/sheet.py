@@ -175,7 +175,7 @@ class Sheet:
         )  # fmt: skip
 
     def simulate(
-        self, solid: Solid, pad: FloatArray, *further: Solid, near: "SheetState | None" = None
+        self, solid: Solid, *further: Solid, pad: FloatArray, near: "SheetState | None" = None
     ) -> Solution:
         """Equilibria at displacements of the moving pad [m], shape [n].
 
@@ -216,17 +216,12 @@ class SheetState:
 
 def sheet_state(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
-) -> SheetState | str:
-    """Simulate a sheet with derivatives, or return the reason of a failure. `near`: as in
-    `Sheet.simulate`."""
-    try:
-        solids = constants.solids(free)
-    except ValueError as error:
-        return str(error)
-    solution = sheet.simulate(solids[0], pad, *solids[1:], near=near)
+) -> SheetState:
+    """Simulate a sheet with derivatives. `near`: as in `Sheet.simulate`. Raises ValueError with the reason if
+    the constants are invalid or the simulation fails."""
+    solution = sheet.simulate(*constants.solids(free), pad=pad, near=near)
     if not solution.outcome.ok:
-        at = 1e3 * pad[solution.reached]
-        return f"the sheet at {at:.4g} mm: {solution.outcome.cause}; {solution.outcome.cure}"
+        solution.outcome.require(f"the sheet at {1e3 * pad[solution.reached]:.4g} mm")
     slopes = direct(solution, keep=True)
     chain = constants.chain(free)
     n_own = len(chain)  # the fitted regions come first

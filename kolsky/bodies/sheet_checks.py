@@ -23,7 +23,7 @@ k_0| is at most twice sigma_k, which here includes the share that counts as expl
 force times k_0 explains both.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -128,7 +128,7 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
     mesh = found.problem.sheet.mesh
     nodal = np.moveaxis(found.cost.state.displacements, 0, 1).reshape(len(mesh.points), -1)
     simulated, cell = interpolated(mesh, nodal, measured.points)
-    moved = measured.displacements - found.translation
+    moved = measured.displacements - found.problem.translation(found.cost.state)
     own = np.moveaxis(moved, 0, 1).reshape(len(measured.points), -1)
     apart = np.abs(own - simulated)
     inside = cell >= 0
@@ -157,29 +157,20 @@ def fit_measured(
     return measured, with_other_starts(found, begun, progress=progress)
 
 
-@dataclass(frozen=True)
-class LackingFactor:
-    """The factor missing in measured values, Eq. (P.2)."""
-
-    value: float
-    """Value of the factor [-]."""
-    sigma: float
-    """Its standard uncertainty [-]."""
-
-    def near(self, factor: float) -> bool:
-        """True if a common factor agrees with this factor. The uncertainty and the explained share are
-        allowed."""
-        return abs(self.value - factor) <= 2.0 * np.hypot(self.sigma, 0.5 * EXPLAINED_SHARE * abs(factor))
+def agrees(value: float, sigma: float, factor: float) -> bool:
+    """True if a value agrees with a common factor, within its uncertainty and the explained share."""
+    return abs(value - factor) <= 2.0 * float(np.hypot(sigma, 0.5 * EXPLAINED_SHARE * abs(factor)))
 
 
 def lacking_factor(
     measured: FloatArray, simulated: FloatArray, covariance: FloatArray, sigma: float
-) -> LackingFactor:
-    """Factor of measured values [n] that fits the simulated values with their covariance best, Eq. (P.2)."""
+) -> tuple[float, float]:
+    """Factor of measured values [n] that fits the simulated values with their covariance best, Eq. (P.2), and
+    its standard uncertainty [-]."""
     size = float(measured @ measured)
     k = float(simulated @ measured) / size
     own = float(measured @ covariance @ measured) + (k * sigma) ** 2 * size
-    return LackingFactor(k, float(np.sqrt(own)) / size)
+    return k, float(np.sqrt(own)) / size
 
 
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
@@ -198,7 +189,7 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
             slopes = alone.cost.state.force_by_constants
             spread = slopes @ alone.covariance @ slopes.T
             lacking = lacking_factor(data.force[-1:], alone.cost.state.force, spread, data.sigma_force)
-            near = [factor for factor in near if lacking.near(factor)]
+            near = [factor for factor in near if agrees(*lacking, factor)]
         except (ValueError, np.linalg.LinAlgError):
             pass  # the field does not determine the constants: try every factor
     for factor in near:

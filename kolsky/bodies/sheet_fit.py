@@ -27,6 +27,7 @@ that shows where a displacement would constrain the constants most (K.28-36).
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -129,10 +130,12 @@ class FieldProblem:
         """The problem with the last step only."""
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
-    def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure. `near`: a start state."""
-        state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
-        return state if isinstance(state, str) else self._cost_of(state)
+    def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost:
+        """Eqs. (K.3-K.6) with derivatives from du/dm. `near`: a start state.
+
+        Raises ValueError with the reason if the simulation fails.
+        """
+        return self._cost_of(sheet_state(self.sheet, self.constants, free, self.data.pad, near))
 
     def advance(self, cost: Cost, step: FloatArray) -> Cost:
         """The cost after a short step of the constants, with fields extrapolated by their derivatives."""
@@ -177,7 +180,7 @@ class FieldProblem:
         square = np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in apart])
         return np.asarray(np.sqrt(square / self.sizes(state)))
 
-    def hessian(self, free: FloatArray, cost: Cost | str | None = None) -> FloatArray:
+    def hessian(self, free: FloatArray, cost: Cost | None = None) -> FloatArray:
         """Second derivatives of J, including the second derivatives of u and f, shape [p, p].
 
         They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost at these constants, if known.
@@ -185,8 +188,6 @@ class FieldProblem:
         Raises ValueError if a simulation fails.
         """
         cost = self.cost(free) if cost is None else cost
-        if isinstance(cost, str):
-            raise ValueError(f"second derivatives need a simulation: {cost}")
         state, data = cost.state, self.data
         chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
         own = len(chain)  # the fitted regions come first
@@ -223,19 +224,12 @@ def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
     return np.asarray(-cho_solve(factor, mixed / size[:, None]) / size[:, None])
 
 
-def variance(change: FloatArray, sigma: FloatArray | float) -> FloatArray:
-    """Variance of each constant from uncorrelated noise, Eqs. (K.20-23).
-
-    ``change``: dm/dv, shape [p, n]. ``sigma``: standard deviation of each measurement, a number or shape [n].
-    """
-    return np.asarray(((change * np.asarray(sigma)) ** 2).sum(axis=1))
-
-
-def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants: FloatArray) -> FloatArray:
-    """Standard deviation of each constant divided by its size [-], Eqs. (K.24, K.25), shape [p]."""
+def relative_deviation(change: FloatArray, constants: FloatArray) -> FloatArray:
+    """Standard deviation of each constant divided by its size, for noise of 1 unit in each measured value,
+    Eqs. (K.20-25), shape [..., p]. ``change``: dm/dv, shape [..., p, n]."""
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: a deviation relative to it has no meaning")
-    return np.asarray(np.sqrt(variance(change, sigma)) / np.abs(constants))
+    return np.asarray(np.sqrt((change**2).sum(axis=-1)) / np.abs(constants))
 
 
 def smoothed(mass: csr_array, change: FloatArray) -> FloatArray:
@@ -364,11 +358,6 @@ class FieldFit:
         return self.problem.misfit(self.cost.state)
 
     @property
-    def translation(self) -> FloatArray:
-        """Translation of the measured field of each step that fits best, Eq. (F.1) [m], shape [n, 1, 2]."""
-        return self.problem.translation(self.cost.state)
-
-    @property
     def noise(self) -> FloatArray:
         """The misfit expected from the noise of the points alone [-], shape [n]."""
         area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
@@ -441,20 +430,19 @@ class FieldFit:
         """Standard uncertainty of the constants, shape [p]."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
-    def relative_by_displacement(self, sigma: float) -> FloatArray:
-        """Relative deviation of each constant from noise of the nodal displacements of each step (K.24)."""
-        n, p = self.by_force.shape
-        flat = self.by_displacement.reshape(n, p, -1)
-        return np.array([self._relative(one, sigma) for one in flat])
+    @property
+    def relative_by_displacement(self) -> FloatArray:
+        """Relative deviation of each constant over the noise of nodal displacements (K.24) [1/m], [n, p]."""
+        return self._relative(self.by_displacement.reshape(*self.by_force.shape, -1))
 
-    def relative_by_force(self, sigma: float) -> FloatArray:
-        """Relative deviation of each constant from noise of the force of each step (K.25), shape [n, p]."""
-        return np.array([self._relative(one[:, None], sigma) for one in self.by_force])
+    @property
+    def relative_by_force(self) -> FloatArray:
+        """Relative deviation of each constant over the noise of each step's force (K.25) [1/N], [n, p]."""
+        return self._relative(self.by_force[..., None])
 
-    def _relative(self, change: FloatArray, sigma: float) -> FloatArray:
-        free = ~np.array(self.at_bound)
-        found = np.zeros(len(free))
-        found[free] = relative_deviation(change[free], sigma, self.values[free])
+    def _relative(self, change: FloatArray) -> FloatArray:
+        free, found = ~np.array(self.at_bound), np.zeros(change.shape[:2])
+        found[:, free] = relative_deviation(change[:, free], self.values[free])
         return found
 
     @property
@@ -555,13 +543,12 @@ def _search(
 ) -> _Search:
     """Minimise the cost. `remainder`: of `_Search`, divided by the first Gauss-Newton second derivative."""
     low, high = problem.constants.bounds
-    begun = problem.cost(start)
-    if isinstance(begun, str):
-        raise ValueError(f"the simulation at the start failed: {begun}")
-    scale = 0.0 if remainder is None else begun.gauss_newton[0, 0]
-    at = _Search(
-        start, begun, scale * (np.zeros_like(begun.gauss_newton) if remainder is None else remainder)
-    )
+    try:
+        begun = problem.cost(start)
+    except ValueError as error:
+        raise ValueError(f"the simulation at the start failed: {error}") from None
+    curved = begun.gauss_newton
+    at = _Search(start, begun, np.zeros_like(curved) if remainder is None else curved[0, 0] * remainder)
     progress(at.runs, MOST_RUNS)
     while at.runs < MOST_RUNS:
         size = _sizes(problem.constants, at.free)
@@ -578,12 +565,13 @@ def _search(
         while length * longest > tolerance and at.runs < MOST_RUNS:
             length *= 0.5
             trial = np.clip(at.free + length * step, low, high)
-            found = problem.cost(trial, at.cost.state)
+            with suppress(ValueError):  # no equilibrium at that step: a shorter one is tried
+                found = problem.cost(trial, at.cost.state)
             at.runs += 1
             progress(at.runs, MOST_RUNS)
-            if isinstance(found, Cost) and found.value <= at.cost.value:
+            if found is not None and found.value <= at.cost.value:
                 break
-        if not isinstance(found, Cost) or found.value > at.cost.value:
+        if found is None or found.value > at.cost.value:
             return at
         before, moved = at.gradient, trial - at.free
         at.free, at.cost = trial, found

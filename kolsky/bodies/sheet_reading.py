@@ -8,7 +8,6 @@ import numpy as np
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
-from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.sheet import (
     NEIGHBOURS,
     NOISE_POINTS,
@@ -19,11 +18,10 @@ from kolsky.bodies.sheet import (
     project,
     spacing,
 )
-from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
+from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, FieldData, FieldProblem
 from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
-from kolsky.bodies.specimen_reading import Specification, read_constants
-from kolsky.bodies.specimen_schema import FieldSection
-from kolsky.bodies.specimen_studies import Expected, plan
+from kolsky.bodies.specimen_fit import Expected, plan
+from kolsky.bodies.specimen_reading import FieldSection, Specification, read_constants
 from kolsky.equilibrium.elements import ELEMENTS, element
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solid import Solid
@@ -64,7 +62,14 @@ def read_field(spec: Specification) -> MeasuredField:
     points, displacements, hashes[section.points.file] = _points(toml, section)
     pad, force, hashes[section.pad.file] = _pad(toml, section)
     declared = section.sigma_displacement
-    _check_count(toml, section, len(points))
+    if len(points) < (NOISE_POINTS if declared is None else NEIGHBOURS):
+        raise toml.error(
+            "field.points",
+            f"has {len(points)} points a frame in {section.points.file}: too few",
+            allowed=f"at least {NEIGHBOURS}, since a quadratic through {NEIGHBOURS} neighbours gives the "
+            f"value at a node; at least {NOISE_POINTS} without field.sigma_displacement, for their noise",
+            cure='export more points of the same frames, or declare field.sigma_displacement, e.g. "5 um"',
+        )
     bad = np.zeros(len(points), dtype=np.bool_)
     flat = np.moveaxis(displacements, 0, 1).reshape(len(points), -1)
     if section.points.gated:
@@ -90,25 +95,6 @@ def read_field(spec: Specification) -> MeasuredField:
             cure="check field.mesh_unit, the units of x and y, and the origin",
         )
     return measured
-
-
-def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
-    """Check the number of points: enough for the projection to the nodes and the estimate of noise."""
-    if count < NEIGHBOURS:
-        raise toml.error(
-            "field.points",
-            f"has {count} points a frame in {section.points.file}: too few",
-            allowed=f"at least {NEIGHBOURS}, since a quadratic through {NEIGHBOURS} neighbours gives the "
-            f"value at a node; at least {NOISE_POINTS} without field.sigma_displacement",
-            cure="export more points of the same frames",
-        )
-    if count < NOISE_POINTS and section.sigma_displacement is None:
-        raise toml.error(
-            "field.points",
-            f"has {count} points a frame in {section.points.file}: too few to find their noise",
-            allowed=f"at least {NOISE_POINTS}, since each is compared with its {NOISE_POINTS - 1} neighbours",
-            cure='export more points, or declare field.sigma_displacement, e.g. "5 um"',
-        )
 
 
 def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
@@ -178,7 +164,7 @@ def _sheet(
         order = [*constants.regions, *(n for n in groups if n not in (section.region, *constants.regions))]
         for number, name in enumerate(order, start=1):
             regions[groups[name]] = number
-    elif section.held or section.regions:
+    elif section.regions:
         raise toml.error(
             "field.region", "is missing", cure="name the group of surfaces that [material] is of"
         )
@@ -209,15 +195,10 @@ def _further(
     law, values, free, regions = constants.law, dict(constants.values), list(constants.free), []
     fixed = {}
     for name in names:
-        if name in section.held:
-            fixed[name] = _fixed_constants(toml, law, name, section.held[name])
-            continue
-        if name not in section.regions:
-            raise toml.error(
-                "field.held", f"says nothing of the region {name}", cure=f"add it, or [field.regions.{name}]"
-            )
-        own = section.regions[name]
         key = f"field.regions.{name}"
+        if name not in section.regions:
+            raise toml.error(key, "is missing", cure="add its constants and poisson; free = [] holds them")
+        own = section.regions[name]
         given = read_constants(toml, f"{key}.constants", law, own.constants) | {POISSON: own.poisson}
         if not own.free:
             fixed[name] = given
@@ -232,44 +213,29 @@ def _further(
     return Constants(law, values, tuple(free), tuple(regions)), held
 
 
-def _fixed_constants(toml: TomlFile, law: str, name: str, given: object) -> dict[str, float]:
-    key = f"field.held.{name}"
-    if not isinstance(given, dict) or POISSON not in given:
-        raise toml.error(key, "is not a table with poisson and the law's constants")
-    rest = {k: v for k, v in given.items() if k != POISSON}
-    try:
-        nu = quantity(given[POISSON], "1") if isinstance(given[POISSON], str) else float(given[POISSON])
-    except (UnitError, TypeError, ValueError):
-        raise toml.error(f"{key}.{POISSON}", "is not a number") from None
-    return {**read_constants(toml, key, law, rest), POISSON: nu}
-
-
 def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:
     """Points, their displacements in the fitted frames, and the file's hash."""
     own = section.points
     path = toml.path.parent / own.file
     table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
     frame = table.integers(Column(own.frame))
-    columns = [table.values(column.as_column()) for column in (own.x, own.y, own.ux, own.uy)]
-    rows = [np.flatnonzero(frame == number) for number in section.frames]
-    for number, place in zip(section.frames, rows, strict=True):
-        if not len(place):
+    columns = np.stack([table.values(c.as_column()) for c in (own.x, own.y, own.ux, own.uy)], axis=-1)
+    rows = [columns[frame == number] for number in section.frames]
+    for number, values in zip(section.frames, rows, strict=True):
+        if not len(values):
             raise toml.error("field.frames", f"names frame {number}, which {own.file} does not have")
-        if len(place) != len(rows[0]):
+        if len(values) != len(rows[0]):
             raise InputError(
                 path,
-                f"has {len(place)} points in frame {number}, {len(rows[0])} in the first",
+                f"has {len(values)} points in frame {number}, {len(rows[0])} in the first",
                 cure="export the same points in every frame",
             )
-    points = np.stack([columns[0][rows[0]], columns[1][rows[0]]], axis=-1)
-    for number, place in zip(section.frames, rows, strict=True):
-        places = np.stack([columns[0][place], columns[1][place]], axis=-1)
-        if not np.array_equal(places, points):
+        if not np.array_equal(values[:, :2], rows[0][:, :2]):
             raise InputError(
                 path, f"has other points in frame {number}", cure="export the points of the reference"
             )
-    displacements = np.stack([np.stack([columns[2][f], columns[3][f]], axis=-1) for f in rows])
-    return points, displacements, table.sha256
+    whole = np.stack(rows)
+    return whole[0, :, :2].copy(), whole[..., 2:].copy(), table.sha256
 
 
 def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:
@@ -277,14 +243,14 @@ def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray,
     path: Path = toml.path.parent / own.file
     table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
     frame = table.integers(Column(own.frame))
-    rows = []
-    for number in section.frames:
-        place = np.flatnonzero(frame == number)
+    rows = [np.flatnonzero(frame == number) for number in section.frames]
+    for number, place in zip(section.frames, rows, strict=True):
         if len(place) != 1:
             raise toml.error("field.frames", f"names frame {number}: {own.file} has {len(place)} rows of it")
-        rows.append(int(place[0]))
-    displacement = table.values(own.displacement.as_column())[rows]
-    return displacement, table.values(own.force.as_column())[rows], table.sha256
+    displacement, force = (
+        table.values(c.as_column())[np.concatenate(rows)] for c in (own.displacement, own.force)
+    )
+    return displacement, force, table.sha256
 
 
 FIELD, FORCE = "field", "force"
@@ -331,7 +297,7 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
     ``seed``: seed of the noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
-    cost = _simulated(problem)
+    cost = problem.cost(problem.constants.start)
     nodal = np.moveaxis(cost.state.displacements, 0, 1)
     at_points = project(problem.sheet.mesh.points, nodal.reshape(len(nodal), -1), measured.points)
     u = np.moveaxis(at_points.reshape(len(measured.points), -1, 2), 0, 1)
@@ -347,7 +313,7 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
     """Expected deviations of the constants from field and force together, and from each separately. The
     information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), which is Eq. (K.30) over the noise of
     one point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2."""
-    cost, data, constants = _simulated(problem), problem.data, problem.constants
+    cost, data, constants = problem.cost(problem.constants.start), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     information = cost.curvature_displacement / variance * np.outer(sizes, sizes)
@@ -359,10 +325,3 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
     peak = float(np.abs(cost.state.force).max())
     choices = ((FIELD, FORCE), (FIELD,), (FORCE,))
     return plan(choices, whitened, {FIELD: peak, FORCE: peak}, constants, wanted=wanted)
-
-
-def _simulated(problem: FieldProblem) -> Cost:
-    cost = problem.cost(problem.constants.start)
-    if isinstance(cost, str):
-        raise ValueError(cost)
-    return cost

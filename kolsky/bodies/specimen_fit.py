@@ -1,4 +1,4 @@
-"""Fit constants to whole specimens: one or several tests, with intervals, correlations and checks.
+"""Fit constants to whole specimens: one or several tests, with intervals, checks, and plans of tests.
 
 There are two checks: whether the law explains the data, and whether a bond peels. If a bond peels, the force
 falls as if the bonded length became shorter.
@@ -11,9 +11,14 @@ fixed:
 The factor s^2 applies if the residual is larger than the declared noise (Birge 1932). The factor a applies if
 neighbouring residuals are correlated. With the correlation rho of neighbours, n residuals have the
 information of n / a independent ones (Bartlett 1946).
+
+Before a test, the derivatives of the forces at expected constants give the covariance of a fit,
+C = (sum_tests J^T J)^-1, with J whitened by the noise of the instruments. No data are needed. Shapes are
+compared by the relative deviation of the constants of interest. If all constants are of interest, the
+criterion is the determinant of the relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -168,39 +173,26 @@ def intervals(
             covariance[:] = np.nan
     factor = float(student.ppf(0.5 + 0.5 * LEVEL, degrees))
     probability = float(chi2_distribution.sf(chi2, degrees))
-    estimates = tuple(
-        _estimate(j, names, values, covariance, factor, at_bound[j], (bounds[0][j], bounds[1][j]))
-        for j in range(p)
-    )
-    return Intervals(estimates, covariance, scale, alike, degrees, probability)
 
+    def estimate(j: int) -> ConstantEstimate:
+        value = float(values[j])
+        if at_bound[j] or not np.isfinite(covariance).all():
+            verdict = ConstantVerdict.AT_BOUND if at_bound[j] else ConstantVerdict.NOT_SEEN
+            return ConstantEstimate(names[j], value, None, None, None, verdict, "", 0.0)
+        row = correlation_of(covariance)[j].copy()
+        row[j] = 0.0
+        most = int(np.abs(row).argmax())
+        partner, correlation = (names[most], float(row[most])) if p > 1 else ("", 0.0)
+        sigma = float(np.sqrt(covariance[j, j]))
+        half, verdict = factor * sigma, ConstantVerdict.IDENTIFIED
+        if half > _BROAD * abs(value):
+            verdict = ConstantVerdict.HARDLY
+        if abs(correlation) >= TOGETHER and half > NARROW * abs(value):
+            verdict = ConstantVerdict.TOGETHER
+        low, high = max(value - half, bounds[0][j]), min(value + half, bounds[1][j])
+        return ConstantEstimate(names[j], value, sigma, low, high, verdict, partner, correlation)
 
-def _estimate(
-    j: int,
-    names: tuple[str, ...],
-    values: FloatArray,
-    covariance: FloatArray,
-    factor: float,
-    at_bound: bool,
-    bounds: tuple[float, float],
-) -> ConstantEstimate:
-    value = float(values[j])
-    if at_bound or not np.isfinite(covariance).all():
-        verdict = ConstantVerdict.AT_BOUND if at_bound else ConstantVerdict.NOT_SEEN
-        return ConstantEstimate(names[j], value, None, None, None, verdict, "", 0.0)
-    row = correlation_of(covariance)[j].copy()
-    row[j] = 0.0
-    most = int(np.abs(row).argmax())
-    partner, correlation = (names[most], float(row[most])) if len(row) > 1 else ("", 0.0)
-    sigma = float(np.sqrt(covariance[j, j]))
-    half = factor * sigma
-    verdict = ConstantVerdict.IDENTIFIED
-    if half > _BROAD * abs(value):
-        verdict = ConstantVerdict.HARDLY
-    if abs(correlation) >= TOGETHER and half > NARROW * abs(value):
-        verdict = ConstantVerdict.TOGETHER
-    low, high = max(value - half, bounds[0]), min(value + half, bounds[1])
-    return ConstantEstimate(names[j], value, sigma, low, high, verdict, partner, correlation)
+    return Intervals(tuple(map(estimate, range(p))), covariance, scale, alike, degrees, probability)
 
 
 LIMIT = 5.0
@@ -370,14 +362,8 @@ def fit(
     ``bonds``: True to check for peeling bonds, with one more simulation per test.
     """
 
-    def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
-        answers = []
-        for test, x in zip(tests, at, strict=True):
-            answer = test.model.linearised(constants, values, x)
-            if isinstance(answer, str):
-                return answer
-            answers.append(answer)
-        return tuple(answers)
+    def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...]:
+        return tuple(test.model.linearised(constants, values, x) for test, x in zip(tests, at, strict=True))
 
     samples = tuple(test.samples for test in tests)
     ends, refused, limits = [], "", constants.bounds
@@ -408,8 +394,6 @@ def fit(
         test_fits.append(_with_bonds(one, values, response, uncertainty) if bonds else one)
     for test in predicted:
         answer = test.model.linearised(constants, best.constants, test.samples.displacement)
-        if isinstance(answer, str):
-            raise ValueError(f"the prediction failed: {answer}")
         test_fits.append(_test_fit(test, test.samples.displacement, answer, uncertainty, fitted=False))
     optima = tuple(one.constants for one in ends)
     return SpecimenFit(name, values, uncertainty, tuple(test_fits), best, optima)
@@ -448,10 +432,8 @@ def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncert
     test = one.test
     try:
         shorter = replace(test.model, shape=test.model.shape.shortened())
+        answer = shorter.linearised(constants, constants.start, one.displacement)
     except ValueError:
-        return one
-    answer = shorter.linearised(constants, constants.start, one.displacement)
-    if isinstance(answer, str):
         return one
     amount = test.model.shape.size[0] / test.model.shape.elements[0]
     sigma = test.samples.sigma_force
@@ -465,4 +447,106 @@ def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncert
         )
         for end in range(test.model.shape.ends)
     )
-    return TestFit(test, one.displacement, one.force, one.band, one.fitted, bonds)
+    return replace(one, debonding=bonds)
+
+
+def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray:
+    """RMSE of each test (column) with the constants of each fit (row) [N], shape [fits, tests]."""
+    table = np.full((len(fits), len(tests)), np.nan)
+    for row, result in enumerate(fits):
+        for one in result.tests:
+            if one.test.name in tests:
+                table[row, list(tests).index(one.test.name)] = one.rmse
+    return table
+
+
+_LEAST_COLUMN = 1e-6
+"""Smallest slope by a relative constant that is not rounding, as a share of the largest [-]."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Expected uncertainties from a choice of tests."""
+
+    tests: tuple[str, ...]
+    relative: FloatArray
+    """Expected standard deviation of each constant divided by its size [-], shape [p]. Infinite if the data
+    do not depend on it."""
+    correlation: FloatArray
+    """Expected correlations [-], shape [p, p]."""
+    criterion: float
+    """Criterion of the comparison, smaller is better [-]. It is the largest relative deviation of the
+    constants of interest. Without such constants it is the geometric mean of all principal deviations."""
+    peak_force: float
+    """Largest force in the tests [N]."""
+
+
+def expected(
+    tests: Sequence[str],
+    whitened: Mapping[str, FloatArray],
+    forces: Mapping[str, float],
+    constants: Constants,
+    wanted: Sequence[str],
+) -> Expected:
+    """Expected deviations of the constants from tests together.
+
+    ``tests``: their names. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of
+    each test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of the
+    constants of interest. Empty means all.
+    """
+    sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
+    jacobian = np.concatenate([whitened[name] for name in tests]) * sizes
+    peak = max(forces[name] for name in tests)
+    p = len(sizes)
+    relative, correlation = np.full(p, np.inf), np.eye(p)
+    columns = np.sqrt((jacobian**2).sum(axis=0))
+    seen = np.flatnonzero(columns > _LEAST_COLUMN * columns.max())
+    criterion = np.inf
+    try:
+        if len(seen) == 0 or len(jacobian) < len(seen):
+            raise SingularInformationError("a constant moves nothing")
+        scaled = jacobian[:, seen] / columns[seen]
+        covariance = inverse_information(scaled) / np.outer(columns[seen], columns[seen])
+    except SingularInformationError:
+        return Expected(tuple(tests), relative, correlation, criterion, peak)
+    relative[seen] = np.sqrt(np.diag(covariance))
+    correlation[np.ix_(seen, seen)] = correlation_of(covariance)
+    if wanted:
+        criterion = float(max(relative[constants.free.index(name)] for name in wanted))
+    elif len(seen) == p:
+        criterion = float(np.linalg.det(covariance) ** (0.5 / p))
+    return Expected(tuple(tests), relative, correlation, criterion, peak)
+
+
+def slopes(
+    models: Mapping[str, SpecimenModel],
+    schedules: Mapping[str, FloatArray],
+    noise: Mapping[str, tuple[float, float]],
+    constants: Constants,
+) -> tuple[dict[str, FloatArray], dict[str, float]]:
+    """Simulate every planned test once, for the whitened slopes and the largest force of `plan`.
+
+    ``models``: specimens by name. ``schedules``: displacements of their ends [m], shape [n, ends]. ``noise``:
+    sigma of displacement [m] and of force [N]. ``constants``: the constants at which the tests are planned.
+    Raises ValueError if a simulation fails.
+    """
+    whitened, forces = {}, {}
+    for name, model in models.items():
+        answer = model.linearised(constants, constants.start, schedules[name])
+        samples = Samples(schedules[name], answer.force, *noise[name])
+        whitened[name] = reduce(samples, schedules[name], answer).jacobian
+        forces[name] = float(np.abs(answer.force).max())
+    return whitened, forces
+
+
+def plan(
+    choices: Sequence[Sequence[str]],
+    whitened: Mapping[str, FloatArray],
+    forces: Mapping[str, float],
+    constants: Constants,
+    *,
+    wanted: Sequence[str] = (),
+) -> list[Expected]:
+    """Compare choices of tests, the most informative first; see `expected`."""
+    expectations = [expected(tests, whitened, forces, constants, wanted) for tests in choices]
+    return sorted(expectations, key=lambda one: one.criterion)

@@ -15,7 +15,6 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import Linearised
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.bodies.specimen_schema import TestSection
 from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone
 from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed, RigidSurface
 from kolsky.equilibrium.sensitivity import Sensitivities, direct
@@ -48,16 +47,14 @@ class Shape:
     """Length over which the arms have this width [m]."""
     element: str = "hex27"
     """Kind of the hexahedral elements."""
-    gauss: int | None = None
-    """Gauss points per direction; None: the default of the element."""
     gravity: tuple[float, float, float] | None = None
     """Acceleration of free fall [m/s^2]; None: no gravity."""
     density: float | None = None
     """Mass density [kg/m^3]; needed only with gravity."""
-    symmetry: bool = True
-    """True to simulate an eighth if the symmetry allows it."""
     load: str = "axial"
     """"axial", or "shear" of a block. In shear its end faces move along y."""
+    axis: int = 0
+    """Axis of the motion; of a cross, that of its first pair of ends."""
 
     @property
     def ends(self) -> int:
@@ -68,16 +65,16 @@ class Shape:
     def eighth(self) -> bool:
         """True if an eighth is simulated: even numbers of elements, and no gravity."""
         even = all(n % 2 == 0 for n in self.elements)
-        return self.symmetry and self.gravity is None and self.load == "axial" and even
+        return self.gravity is None and self.load == "axial" and even
 
     def along(self, end: int) -> int:
         """Axis of the motion and of the measured force of an end."""
-        return 1 if self.load == "shear" else end
+        return 1 if self.load == "shear" else self.axis + end
 
     @property
     def free_length(self) -> float:
         """Length over which its ends move apart [m]."""
-        return self.size[0] - 2.0 * self.bond
+        return self.size[self.axis] - 2.0 * self.bond
 
     @property
     def way(self) -> float:
@@ -95,8 +92,8 @@ class Shape:
         Raises ValueError if the bond has a length of one element.
         """
         step = self.size[0] / self.elements[0]
-        if self.kind == "block":
-            raise ValueError("a block has no bonded length that could be shorter")
+        if self.bond == 0.0:
+            raise ValueError(f"a {self.kind} has no bonded length that could be shorter")
         if self.bond < 1.5 * step:
             raise ValueError(
                 f"the bond is {self.bond / step:.1f} elements long; at least 2 are needed to shorten it "
@@ -142,7 +139,13 @@ class Shape:
     def model(self, solid: Solid, *, device: str = "cpu") -> Model:
         """The specimen of a material. Histories "d_x" (and "d_y") are the displacements of its ends [m]. A
         displacement is that of one end relative to the other. Each end moves by half of it."""
-        mesh = self.mesh
+        conditions = self.supports()
+        if self.gravity is not None and self.density is not None:
+            conditions.append(Gravity(self.density, self.gravity))
+        return Model(self.mesh, solid, tuple(conditions), device=device)
+
+    def supports(self) -> list[Condition]:
+        """Conditions of symmetry, of the bonds and of the motion of the ends."""
         conditions: list[Condition] = []
         if self.eighth:
             conditions += [Fixed(f"plane_{axis}", (axis,)) for axis in range(3)]
@@ -151,11 +154,9 @@ class Shape:
             others = tuple(other for other in range(3) if other != axis)
             for name, factor in (("+", 0.5), ("-", -0.5)):
                 where = f"bond_{AXES[end]}{name}"
-                if where in mesh.sets:
+                if where in self.mesh.sets:
                     conditions += [Prescribed(where, axis, f"d_{AXES[end]}", factor), Fixed(where, others)]
-        if self.gravity is not None and self.density is not None:
-            conditions.append(Gravity(self.density, self.gravity))
-        return Model(mesh, solid, tuple(conditions), gauss=self.gauss, device=device)
+        return conditions
 
     def mid_region(self) -> FloatArray:
         """Mid-points of the cells in the inner half of the free length, as a mask, shape [m]."""
@@ -164,70 +165,16 @@ class Shape:
         return np.asarray((np.abs(middle[:, : self.ends]) < 0.5 * free).all(axis=1))
 
 
-def shape_of(
-    section: TestSection,
-    *,
-    element: str,
-    gauss: int | None,
-    symmetry: bool,
-    density: float | None,
-    body: Mesh | None = None,
-) -> Shape:
-    """The shape in the table of a test. `body`: its mesh with its two sets, if the table names a file."""
-    gravity = (
-        None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2])
-    )
-    if body is not None:
-        x, y, z = np.ptp(body.points, axis=0)
-        return BodyShape(
-            section.shape, (float(x), float(y), float(z)), 0.0, (0, 0, 0), element=body.kind, gauss=gauss,
-            gravity=gravity, density=None if gravity is None else density, body=body,
-            axis="xyz".index(section.axis), frictionless=section.frictionless, sphere=section.sphere,
-            declared_apex=None if section.apex is None else tuple(section.apex),
-        )  # fmt: skip
-    assert section.size is not None  # checked by the schema
-    assert section.elements is not None
-    length, width, thickness = section.size
-    nx, ny, nz = section.elements
-    return Shape(
-        section.shape, (length, width, thickness), section.bond or 0.0, (nx, ny, nz), section.arm,
-        section.waist, section.straight, element, gauss, gravity,
-        density if section.gravity is not None else None, symmetry, section.load,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True)
 class BodyShape(Shape):
     """A specimen from a mesh file. One group is held, another moves."""
 
     body: Mesh | None = None
     """The mesh. The moving group is the set "bond_x+", the held group "bond_x-"."""
-    axis: int = 0
-    """Axis of the motion and of the measured force of the moving group."""
     frictionless: bool = False
     """True if the points of the moving group slide across that axis, as under a lubricated punch."""
     sphere: float | None = None
     """Radius of a rigid sphere that presses on the moving group without friction [m]; None: no sphere."""
-    declared_apex: tuple[float, ...] | None = None
-    """Point of the sphere that touches first, at displacement 0 [m], shape [3]; None: see `apex`."""
-
-    @property
-    def eighth(self) -> bool:
-        """Never: the file has the whole body."""
-        return False
-
-    def along(self, end: int) -> int:
-        """See `Shape.along`."""
-        return self.axis
-
-    def shortened(self) -> Shape:
-        """Refused: see `Shape.shortened`."""
-        raise ValueError("a body from a mesh file has no bonded length that could be shorter")
-
-    @property
-    def free_length(self) -> float:
-        """Length of the whole body along the motion [m]."""
-        return self.size[self.axis]
 
     @property
     def way(self) -> float:
@@ -241,9 +188,7 @@ class BodyShape(Shape):
 
     @property
     def apex(self) -> FloatArray:
-        """The declared apex, or the middle of the outermost points of the moving group [m], shape [3]."""
-        if self.declared_apex is not None:
-            return np.asarray(self.declared_apex)
+        """First point of the sphere to touch: the middle of the outermost moving points [m], shape [3]."""
         points = self.mesh.points[self.mesh.nodes("bond_x+")]
         height = -self.way * points[:, self.axis]
         outermost = points[height >= height.max() - TIGHT * max(self.size)]
@@ -260,19 +205,17 @@ class BodyShape(Shape):
     @property
     def mesh(self) -> Mesh:  # type: ignore[override]
         """The mesh of the file [m]."""
-        assert self.body is not None  # `shape_of` has given it
+        assert self.body is not None  # given at the creation
         return self.body
 
-    def model(self, solid: Solid, *, device: str = "cpu") -> Model:
-        """See `Shape.model`. The held group stays, and the other group moves by the whole displacement."""
+    def supports(self) -> list[Condition]:
+        """See `Shape.supports`. The held group stays, and the other group moves by the whole displacement."""
         others = tuple(other for other in range(3) if other != self.axis)
         moving = self.indenter or Prescribed("bond_x+", self.axis, "d_x", 1.0)
         conditions: list[Condition] = [Fixed("bond_x-"), moving]
         if self.sphere is None and not self.frictionless:
             conditions.append(Fixed("bond_x+", others))
-        if self.gravity is not None and self.density is not None:
-            conditions.append(Gravity(self.density, self.gravity))
-        return Model(self.mesh, solid, tuple(conditions), gauss=self.gauss, device=device)
+        return conditions
 
     def mid_region(self) -> FloatArray:
         """Cells in the middle half of the body along the motion, as a mask, shape [m]."""
@@ -297,40 +240,30 @@ class SpecimenModel:
         steps = {f"d_{AXES[axis]}": displacement[:, axis] for axis in range(self.shape.ends)}
         return solve(self.shape.model(solid, device=self.device), steps)
 
-    def force(self, solution: Solution) -> FloatArray:
-        """Force on each end, tension positive [N], shape [n, ends]."""
-        return self._at_ends(solution)
-
-    def _at_ends(self, found: Solution | Sensitivities) -> FloatArray:
-        """Forces on the ends, or their derivatives [..], shape [n, .., ends]."""
+    def force(self, found: Solution | Sensitivities) -> FloatArray:
+        """Forces on the ends, tension positive [N], or their derivatives, shape [n, .., ends]."""
         reactions = [
             found.reaction(f"bond_{AXES[end]}+")[..., self.shape.along(end)] for end in range(self.shape.ends)
         ]
         return np.asarray(self.shape.multiplicity * np.stack(reactions, axis=-1))
 
-    def linearised(
-        self, constants: Constants, free: FloatArray, displacement: FloatArray
-    ) -> Linearised | str:
-        """Forces and slopes at the displacements, or the reason of a failure.
+    def linearised(self, constants: Constants, free: FloatArray, displacement: FloatArray) -> Linearised:
+        """Forces and slopes at the displacements.
 
         ``constants``: the law and its free constants. ``free``: values of the free constants, SI, shape [p].
-        ``displacement``: displacements in any order [m], shape [n, ends].
+        ``displacement``: displacements in any order [m], shape [n, ends]. Raises ValueError with the reason
+        if the constants are invalid or the simulation fails.
         """
-        try:
-            solid = constants.solid(free)
-        except ValueError as error:
-            return str(error)
         order = np.argsort(np.abs(displacement).sum(axis=1), kind="stable")
-        solution = self.simulate(solid, displacement[order])
+        solution = self.simulate(constants.solid(free), displacement[order])
         if not solution.outcome.ok:
-            worst = displacement[order][solution.reached]
-            there = ", ".join(f"{1e3 * value:.4g} mm" for value in worst)
-            return f"{self.name} at {there}: {solution.outcome.cause}; {solution.outcome.cure}"
+            there = ", ".join(f"{1e3 * value:.4g} mm" for value in displacement[order][solution.reached])
+            solution.outcome.require(f"{self.name} at {there}")
         histories = tuple(f"d_{AXES[axis]}" for axis in range(self.shape.ends))
         slopes = direct(solution, histories=histories)
         back = np.argsort(order, kind="stable")
         n_own = slopes.displacements.shape[1] - len(histories)
-        by_all = np.swapaxes(self._at_ends(slopes), 1, 2)[back]
+        by_all = np.swapaxes(self.force(slopes), 1, 2)[back]
         chain = constants.chain(free)
         return Linearised(self.force(solution)[back], by_all[..., :n_own] @ chain, by_all[..., n_own:])
 

@@ -10,9 +10,8 @@ from kolsky.base.files import columns_of, jsonable
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
-from kolsky.bodies.specimen_fit import SpecimenFit
+from kolsky.bodies.specimen_fit import Expected, SpecimenFit, cross_table
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.specimen_studies import Expected, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
@@ -224,8 +223,8 @@ def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, An
         "force_testable": found.force_testable,
         "force_N": {"measured": data.force, "simulated": found.cost.state.force},
         "pad_m": data.pad,
-        "relative_sigma_by_displacement_per_m": found.relative_by_displacement(1.0),
-        "relative_sigma_by_force_per_N": found.relative_by_force(1.0),
+        "relative_sigma_by_displacement_per_m": found.relative_by_displacement,
+        "relative_sigma_by_force_per_N": found.relative_by_force,
         "steps": [
             step if isinstance(step, str) else dict(zip(free, step.values, strict=True)) for step in steps
         ],
@@ -248,7 +247,7 @@ def field_tables(
         "misfit of the displacements (1)": found.misfit,
         "noise alone (1)": found.noise,
     }
-    by_u, by_f = found.relative_by_displacement(1.0), found.relative_by_force(1.0)
+    by_u, by_f = found.relative_by_displacement, found.relative_by_force
     for j, name in enumerate(found.constants.free):
         if steps:
             alone = ["" if isinstance(step, str) else float(step.values[j]) for step in steps]

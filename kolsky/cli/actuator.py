@@ -72,12 +72,12 @@ def actuator_simulate(
 def actuator_invert(
     spec: _ActuatorPath, out: _OutOfActuator = None, device: Device = "cpu", figures: Figures = ()
 ) -> None:
-    """Find the pressures for the bends of `invert`, by Newton's method on the exact slope of the bend.
+    """Find the pressures for the bends of `invert`, by least squares with the exact slope of the bend.
 
-    Separate chambers have a pressure each, found by bounded least squares with a wanted tip. Writes
-    actuator.html and actuator.json.
+    Separate chambers have a pressure each, and may have a wanted tip. Writes actuator.html and
+    actuator.json.
     """
-    from kolsky.bodies.actuator_bending import Inversion, SearchEnd, pressure_for, pressures_for
+    from kolsky.bodies.actuator_bending import Inversion, SearchEnd, pressures_for
     from kolsky.bodies.actuator_output import inversions_json
     from kolsky.bodies.actuator_reading import read_actuator
     from kolsky.report.body_views import ActuatorView
@@ -87,15 +87,13 @@ def actuator_invert(
     if section is None:
         raise read.toml.error("invert", "is missing", cure='add [invert] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "invert")
-    inversions: dict[str, list[Inversion]] = {}
-    for name, g in read.gravities.items():
-        inversions[name] = []
-        for angle in section.angles:
-            if len(read.actuator.cavities) == 1 and section.tip is None:
-                one = pressure_for(read.actuator, g, angle, most=section.most)
-            else:
-                one = pressures_for(read.actuator, g, angle=angle, tip=section.tip, most=section.most)
-            inversions[name].append(one)
+    inversions: dict[str, list[Inversion]] = {
+        name: [
+            pressures_for(read.actuator, g, angle=angle, tip=section.tip, most=section.most)
+            for angle in section.angles
+        ]
+        for name, g in read.gravities.items()
+    }
     warnings = [
         f"{name}: the pressure for {57.29577951308232 * one.angle:.4g}° is not a solution: {one.ended.value}"
         for name, each in inversions.items()
@@ -108,14 +106,7 @@ def actuator_invert(
 
 
 def actuator_control(
-    spec: _ActuatorPath,
-    out: _OutOfActuator = None,
-    basis: Annotated[
-        Path | None,
-        Option("Folder of reduced models, which are used again for the same inputs.", metavar="FOLDER"),
-    ] = None,
-    device: Device = "cpu",
-    figures: Figures = (),
+    spec: _ActuatorPath, out: _OutOfActuator = None, device: Device = "cpu", figures: Figures = ()
 ) -> None:
     """Run the closed loop of `control`: a reduced model, a plant of another stiffness, noise and delay.
 
@@ -131,9 +122,8 @@ def actuator_control(
     if section is None:
         raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
-    stored = None if basis is None else usable_folder(basis)
     with read.toml.refusing("control", "cannot be run"):
-        closed, reductions = run_control(read.actuator, read.gravities, section, basis=stored)
+        closed, reductions = run_control(read.actuator, read.gravities, section)
     warnings = loop_warnings(closed, reductions, section)
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
     content = loop_json(closed, reductions, read.inputs)

@@ -435,26 +435,23 @@ def material_healing(
         raise InputError(sorted(repeated)[0], "is named as undamaged and as healed", cure="name it once")
     with texts.refused(cure="correct the option; `kolsky material healing --help` shows each"):
         result = healing(groups[0][0], groups[1][0], law=law, poisson=poisson)
-    content = {
+    content: dict[str, Any] = {
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,
         "properties": {
             name: {**jsonable(asdict(row), name), "unit": result.units[name]}
             for name, row in result.rows.items()
         },
-        "specimens": {
-            "undamaged": {one.name: one.values for one in result.undamaged},
-            "healed": {one.name: one.values for one in result.healed},
-        },
+        "specimens": {"undamaged": result.undamaged, "healed": result.healed},
         "remarks": list(result.remarks),
     }
-    specimens = (
-        {"group": group, "specimen": one.name, "property": name, "value (SI)": value}
-        for group, ones in (("undamaged", result.undamaged), ("healed", result.healed))
-        for one in ones
-        for name, value in one.values.items()
+    each = (
+        {"group": group, "specimen": specimen, "property": name, "value (SI)": value}
+        for group, specimens in content["specimens"].items()
+        for specimen, values in specimens.items()
+        for name, value in values.items()
     )
-    tables = {"healing": columns_of(_healing_rows(result)), "healing_specimens": columns_of(specimens)}
+    tables = {"healing": columns_of(_healing_rows(result)), "healing_specimens": columns_of(each)}
     write_folder(folder, {"healing.json": content}, tables)
     print_result(
         {},

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from kolsky.base.files import filling, jsonable
+from kolsky.base.files import filling, jsonable, write_table
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Out, ShotPath, Values, Vtu, changed, load, usable
@@ -146,7 +146,6 @@ def _simulate_slow_test(
 ) -> None:
     """The quasi-static test of a shot's specimen. It has a last strain and an error of the force."""
     from kolsky.inverse import simulate as slow
-    from kolsky.material.slow_compression import write_slow_compression
 
     loaded, folder = load(shot, out, "simulation")
     with usable(loaded):
@@ -154,7 +153,7 @@ def _simulate_slow_test(
             loaded, parameters, last=last, error=error, mesh=numerics.mesh, threads=numerics.threads
         )
     with filling(folder) as partial:
-        write_slow_compression(partial / "slow.csv", result)
+        write_table(partial / "slow.csv", result.columns)
     warnings = slow.slow_test_warnings(result)
     summary = {
         "shot": loaded.name,

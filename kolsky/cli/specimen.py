@@ -15,8 +15,8 @@ from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
+    from kolsky.bodies.specimen_fit import Expected
     from kolsky.bodies.specimen_reading import Specification
-    from kolsky.bodies.specimen_studies import Expected
     from kolsky.report.body_views import SheetView, SpecimenView
 
 
@@ -257,7 +257,7 @@ def specimen_plan(
 
 
 def _plan_tests(read: "Specification", names: tuple[str, ...]) -> "list[Expected]":
-    from kolsky.bodies.specimen_studies import plan, slopes
+    from kolsky.bodies.specimen_fit import plan, slopes
 
     choices = read.declared.plan.compare or [[name] for name in read.models]
     used = list(dict.fromkeys(name for choice in choices for name in choice))

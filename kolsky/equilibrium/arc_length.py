@@ -111,16 +111,48 @@ def follow(
     equations = Equations(model, model.parameters(parameters))
     if equations.contacts:
         raise ValueError("a path by arc length meets no rigid plane: remove it")
-    stepper = _Stepper(equations, tuple(histories), fixed)
-    state = stepper.begin()
+    newton = Newton()
+
+    def at(load: float) -> dict[str, float]:
+        return {**fixed, **dict.fromkeys(histories, load)}
+
+    def push(state: State) -> FloatArray:
+        """f: change of the external forces per unit of load. They are linear in the load."""
+        return equations.external_change(state, {k: v + (k in histories) for k, v in state.at.items()})
+
+    def step(start: State, load: float, change: float) -> tuple[State, float, int] | Outcome:
+        """The equilibrium after an arc length, its load and the iterations; the outcome of a failed step."""
+        moved, p = length * tangent, load + change
+        for number in range(ITERATIONS + 1):
+            state = equations.evaluate(start.u + equations.expanded(moved), at(p), like=start)
+            if state.inverted:
+                return Outcome.INVERTED
+            if equations.converged(state, newton.tolerance) and number > 0:
+                return (state, p, number) if equations.closed(state) else Outcome.PENETRATION
+            try:
+                factors = equations.factors(equations.stiffness(state), state)
+            except SingularError:
+                return Outcome.SINGULAR
+            a, b = factors.solve(np.stack([-state.residual, push(state)], axis=-1)).T
+            dp = (length - float(tangent @ moved) - float(tangent @ a)) / float(tangent @ b)
+            moved, p = moved + a + b * dp, p + dp
+            if not np.isfinite(p):
+                return Outcome.NOT_CONVERGED
+        return Outcome.NOT_CONVERGED
+
+    state: State | Outcome = equations.evaluate(np.zeros(model.n_dofs), at(0.0))
+    assert isinstance(state, State)
+    if state.external.any():  # otherwise it is at rest
+        state = Iteration(equations, newton).equilibrium(state)
     loads, found, arcs = [0.0], [np.zeros(model.n_dofs)], [0.0]
     if isinstance(state, Outcome):
         return _path(model, loads, [np.full(model.n_dofs, np.nan)], arcs, state)
     found[0] = state.u
     outcome, before, length, most, least = Outcome.UNFINISHED, None, 0.0, np.inf, 0.0
     for _ in range(steps):
-        slope = stepper.slope(state)
-        if slope is None:
+        try:
+            slope = equations.factors(equations.stiffness(state), state).solve(push(state))  # b
+        except SingularError:
             outcome = Outcome.SINGULAR
             break
         size = float(np.linalg.norm(slope))
@@ -130,7 +162,7 @@ def follow(
         sign = 1.0 if before is None or float(before @ slope) > 0.0 else -1.0
         tangent = sign * slope / size
         while True:
-            reached = stepper.step(state, loads[-1], tangent, sign * length / size, length)
+            reached = step(state, loads[-1], sign * length / size)
             if not isinstance(reached, Outcome):
                 break
             length *= 0.5
@@ -153,61 +185,3 @@ def _path(
 ) -> ArcPath:
     shape = (len(found), *model.mesh.points.shape)
     return ArcPath(model, np.array(loads), np.array(found).reshape(shape), np.array(arcs), outcome)
-
-
-class _Stepper:
-    """Steps along a path."""
-
-    newton = Newton()
-
-    def __init__(self, equations: Equations, histories: tuple[str, ...], others: dict[str, float]) -> None:
-        self.equations, self.histories, self.others = equations, histories, others
-
-    def at(self, load: float) -> dict[str, float]:
-        """Values of all histories."""
-        return {**self.others, **dict.fromkeys(self.histories, load)}
-
-    def begin(self) -> State | Outcome:
-        """The equilibrium without load."""
-        start = self.equations.evaluate(np.zeros(self.equations.model.n_dofs), self.at(0.0))
-        if not start.external.any():
-            return start  # no load: it is at rest
-        return Iteration(self.equations, self.newton).equilibrium(start)
-
-    def slope(self, state: State) -> FloatArray | None:
-        """b = du/dp of the unknowns, or None if the tangent stiffness is singular."""
-        try:
-            factors = self.equations.factors(self.equations.stiffness(state), state)
-        except SingularError:
-            return None
-        return factors.solve(self._push(state))
-
-    def _push(self, state: State) -> FloatArray:
-        """f: change of the external forces per unit of load. They are linear in the load."""
-        more = {**state.at, **{name: state.at[name] + 1.0 for name in self.histories}}
-        return self.equations.external_change(state, more)
-
-    def step(
-        self, start: State, load: float, tangent: FloatArray, change: float, length: float
-    ) -> tuple[State, float, int] | Outcome:
-        """The equilibrium after an arc length, its load and the iterations. If the step fails, the
-        outcome."""
-        equations = self.equations
-        moved, p = length * tangent, load + change
-        for number in range(ITERATIONS + 1):
-            u = start.u + equations.expanded(moved)
-            state = equations.evaluate(u, self.at(p), like=start)
-            if state.inverted:
-                return Outcome.INVERTED
-            if equations.converged(state, self.newton.tolerance) and number > 0:
-                return (state, p, number) if equations.closed(state) else Outcome.PENETRATION
-            try:
-                factors = equations.factors(equations.stiffness(state), state)
-            except SingularError:
-                return Outcome.SINGULAR
-            a, b = factors.solve(np.stack([-state.residual, self._push(state)], axis=-1)).T
-            dp = (length - float(tangent @ moved) - float(tangent @ a)) / float(tangent @ b)
-            moved, p = moved + a + b * dp, p + dp
-            if not np.isfinite(p):
-                return Outcome.NOT_CONVERGED
-        return Outcome.NOT_CONVERGED

@@ -208,21 +208,47 @@ def march(
     if relaxing is not None:
         relaxing.accept(first.body)
     push = equations.factors(masses).solve(-first.residual)
-    now = Instant(u, np.zeros_like(u), equations.expanded(push))
-    found = [now]
+    found = [Instant(u, np.zeros_like(u), equations.expanded(push))]
     shape = (n + 1, *model.mesh.points.shape)
     forces = np.full(shape, np.nan)
     forces[0] = 0.0
+
+    def relaxed(state: State) -> FloatArray | float:
+        """Forces of the Prony series, for all components."""
+        return 0.0 if relaxing is None else equations.body.pattern.vector(relaxing.forces(state.body))
+
+    def step(before: Instant, at: dict[str, float]) -> tuple[Outcome, Instant, State]:
+        """The end of a step, and its state."""
+        u = equations.with_prescribed(before.u, at)
+        for _ in range(ITERATIONS):
+            state, now = equations.evaluate(u, at), following(scheme, dt, before, u)
+            if state.inverted:
+                return Outcome.INVERTED, now, state
+            inertia = equations.reduced(equations.times(masses, now.a))
+            residual = state.residual + inertia
+            if relaxing is not None:
+                residual = residual + equations.reduced(np.asarray(relaxed(state)))
+            sizes = [float(np.linalg.norm(x)) for x in (state.body.forces, state.external, inertia)]
+            if float(np.linalg.norm(residual)) <= max(tolerance * max(sizes), equations.floor):
+                closed = Outcome.COMPLETED if equations.closed(state) else Outcome.PENETRATION
+                return closed, now, state
+            elements = equations.stiffness(state) + factor(scheme, dt) * masses
+            if relaxing is not None:
+                elements = elements + relaxing.stiffness(equations.body.stiffness(state.body))
+            try:
+                change = equations.factors(elements, state).solve(-residual)
+            except SingularError:
+                return Outcome.SINGULAR, now, state
+            u = u + equations.expanded(change)
+        return Outcome.NOT_CONVERGED, now, state
+
     outcome = Outcome.COMPLETED
-    stepper = _Stepper(equations, masses, relaxing, scheme, dt, tolerance)
-    for k in range(n):
-        outcome, following_state, state = stepper.step(now, at[k])
+    for k, values in enumerate(at, start=1):
+        outcome, now, state = step(found[-1], values)
         if not outcome.ok:
             break
-        now = following_state
-        inertia = equations.times(masses, now.a)
-        added = 0.0 if relaxing is None else equations.body.pattern.vector(relaxing.forces(state.body))
-        forces[k + 1] = (state.body.forces + added + inertia - state.carried).reshape(shape[1:])
+        total = state.body.forces + relaxed(state) + equations.times(masses, now.a) - state.carried
+        forces[k] = total.reshape(shape[1:])
         if relaxing is not None:
             relaxing.accept(state.body)
         found.append(now)
@@ -230,48 +256,3 @@ def march(
     moved[: len(found)] = np.reshape([one.u for one in found], (len(found), *shape[1:]))
     time = np.asarray(dt * np.arange(n + 1), dtype=np.float64)
     return Motion(model, time, moved, forces, outcome, len(found))
-
-
-class _Stepper:
-    """One step of a motion."""
-
-    def __init__(
-        self,
-        equations: Equations,
-        masses: FloatArray,
-        relaxing: Relaxing | None,
-        scheme: Scheme,
-        dt: float,
-        tolerance: float,
-    ) -> None:
-        self.equations, self.masses, self.relaxing = equations, masses, relaxing
-        self.scheme, self.dt, self.tolerance = scheme, dt, tolerance
-
-    def step(self, before: Instant, at: dict[str, float]) -> tuple[Outcome, Instant, State]:
-        """The end of a step, and its state."""
-        equations = self.equations
-        u = equations.with_prescribed(before.u, at)
-        for _ in range(ITERATIONS):
-            state = equations.evaluate(u, at)
-            now = following(self.scheme, self.dt, before, u)
-            if state.inverted:
-                return Outcome.INVERTED, now, state
-            inertia = equations.reduced(equations.times(self.masses, now.a))
-            residual = state.residual + inertia
-            if self.relaxing is not None:
-                residual = residual + equations.reduced(
-                    equations.body.pattern.vector(self.relaxing.forces(state.body))
-                )
-            sizes = [float(np.linalg.norm(x)) for x in (state.body.forces, state.external, inertia)]
-            if float(np.linalg.norm(residual)) <= max(self.tolerance * max(sizes), equations.floor):
-                closed = Outcome.COMPLETED if equations.closed(state) else Outcome.PENETRATION
-                return closed, now, state
-            elements = equations.stiffness(state) + factor(self.scheme, self.dt) * self.masses
-            if self.relaxing is not None:
-                elements = elements + self.relaxing.stiffness(equations.body.stiffness(state.body))
-            try:
-                change = equations.factors(elements, state).solve(-residual)
-            except SingularError:
-                return Outcome.SINGULAR, now, state
-            u = u + equations.expanded(change)
-        return Outcome.NOT_CONVERGED, now, state

@@ -9,8 +9,8 @@ import numpy as np
 
 from explicit.arrays import FloatArray
 from kolsky.equilibrium.body import Body, BodyState
-from kolsky.equilibrium.linear.base import Factors, LinearSolver
-from kolsky.equilibrium.linear.solvers import BridgedSolver, linear_solver
+from kolsky.equilibrium.linear.base import Factors
+from kolsky.equilibrium.linear.solvers import BridgedSolver, LinearSolver, linear_solver
 from kolsky.equilibrium.loads import FollowerPressure, RigidContact, nodal_forces, weight
 from kolsky.equilibrium.model import Model, Pressure, RigidSurface
 from kolsky.equilibrium.surface_contact import surface_contacts

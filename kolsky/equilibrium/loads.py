@@ -41,10 +41,8 @@ class RigidContact:
     def __init__(self, model: Model, surface: RigidSurface) -> None:
         if len(surface.normal) != model.dimension or len(surface.position) != model.dimension:
             raise ValueError(f"normal and position of {surface} must have {model.dimension} components")
-        for name in ("stiffness", "radius"):
-            value = getattr(surface, name)
-            if value is not None and not value > 0.0:
-                raise ValueError(f"{name} of {surface} must be > 0, got {value}")
+        if surface.radius is not None and not surface.radius > 0.0:
+            raise ValueError(f"radius of {surface} must be > 0, got {surface.radius}")
         if not 0.0 < surface.tolerance < 1.0:
             raise ValueError(f"tolerance must be in (0, 1), got {surface.tolerance}")
         self.surface, self.model = surface, model
@@ -54,8 +52,7 @@ class RigidContact:
         self.depth = surface.tolerance * float(size.max())
         spacing = float(size.prod() / len(model.mesh.points)) ** (1.0 / model.dimension)
         across = spacing if model.kinematics == "3d" else _across(model)
-        usual = CONTACT_STIFFNESS * model.solid.shear_modulus * across
-        self.stiffness = usual if surface.stiffness is None else surface.stiffness
+        self.stiffness = CONTACT_STIFFNESS * model.solid.shear_modulus * across
         self.cells = cell_with(model.mesh.cells, self.nodes)
 
     def place(self, u: FloatArray, at: Mapping[str, float]) -> "Place":

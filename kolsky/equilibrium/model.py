@@ -108,8 +108,6 @@ class RigidSurface:
     """Travel divided by the value of the history [-]."""
     radius: float | None = None
     """Radius of a sphere [m]; None: a plane."""
-    stiffness: float | None = None
-    """Penalty of a point [N/m]; None: from the shear modulus and the spacing of the points."""
     tolerance: float = 1e-6
     """Largest depth, as a share of the mesh's size [-]."""
 
@@ -126,12 +124,9 @@ class SelfContact:
     """Pressure divided by depth, in shear moduli over the size of a face [-]."""
     depth: float | None = None
     """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
-    reach: float | None = None
-    """Search distance for the other surface [m], less than the thickness of the body behind it. None: the
-    size of a face."""
 
     def __post_init__(self) -> None:
-        for name in ("penalty", "depth", "reach"):
+        for name in ("penalty", "depth"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} of a contact must be > 0, got {value}")

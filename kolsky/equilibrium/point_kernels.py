@@ -17,9 +17,7 @@ the mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
     A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
     B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
-where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2. Its limit for equal b is (K_ii - K_ij) / (2 b). On
-a GPU, element forces and stiffness are also summed here. On a CPU, BLAS is faster
-(`kolsky.equilibrium.points`).
+where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2. Its limit for equal b is (K_ii - K_ij) / (2 b).
 """
 
 from functools import cache
@@ -157,39 +155,8 @@ def invariant_point_functions(law: type) -> tuple[Any, Any, Any]:
     return energy, stress, tangent
 
 
-SWEEPS = 10
-"""Maximum number of sweeps of Jacobi's rotations. They converge quadratically, in 4 or 5."""
 EQUAL = 1e-5
 """Relative difference of two eigenvalues below which g_ij is its limit. Both are then exact to 1e-10."""
-
-
-@wp.func
-def eigenvectors(C: mat33):
-    """Eigenvectors of a symmetric matrix in columns, by Jacobi's cyclic rotations."""
-    V = wp.identity(n=3, dtype=f64)
-    D = C
-    sweep = int(0)
-    while sweep < SWEEPS:
-        for turn in range(3):
-            p = wp.where(turn == 2, 1, 0)
-            q = wp.where(turn == 0, 1, 2)
-            off = D[p, q]
-            if wp.abs(off) > f64(1e-300):
-                theta = (D[q, q] - D[p, p]) / (f64(2.0) * off)
-                t = wp.where(theta >= f64(0.0), f64(1.0), f64(-1.0)) / (
-                    wp.abs(theta) + wp.sqrt(theta * theta + f64(1.0))
-                )
-                c = f64(1.0) / wp.sqrt(t * t + f64(1.0))
-                s = t * c
-                R = wp.identity(n=3, dtype=f64)
-                R[p, p] = c
-                R[q, q] = c
-                R[p, q] = s
-                R[q, p] = -s
-                D = wp.transpose(R) * D * R
-                V = V * R
-        sweep += 1
-    return V
 
 
 @cache
@@ -202,10 +169,7 @@ def stretch_point_functions(law: type) -> tuple[Any, Any, Any]:
     @wp.func
     def principal(F: mat33):
         """Eigenvectors, b_i, and ln b_i of the isochoric tensor."""
-        C = wp.transpose(F) * F
-        V = eigenvectors(C)
-        S = wp.transpose(V) * C * V
-        b = wp.vec3d(S[0, 0], S[1, 1], S[2, 2])
+        V, b = wp.eig3(wp.transpose(F) * F)
         mean = (wp.log(b[0]) + wp.log(b[1]) + wp.log(b[2])) * third
         return V, b, wp.vec3d(wp.log(b[0]) - mean, wp.log(b[1]) - mean, wp.log(b[2]) - mean)
 
@@ -522,50 +486,3 @@ def stress_kernel(stress_of: Any, kinematics: str) -> Any:
             P[g, m] = stress[m // 3, m % 3]
 
     return deformations, stresses
-
-
-@cache
-def force_kernel(d: int, columns: int) -> Any:
-    """``forces[m, k d]`` from P of the points. Launched over (cells, nodes)."""
-    components, D = int(d), int(columns)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def forces(
-        E: wp.array4d(dtype=f64),
-        volumes: wp.array2d(dtype=f64),
-        P: wp.array3d(dtype=f64),
-        out: wp.array2d(dtype=f64),
-    ):
-        c, a = wp.tid()
-        for i in range(components):
-            total = f64(0.0)
-            for g in range(volumes.shape[1]):
-                at_point = f64(0.0)
-                for j in range(D):
-                    at_point += E[c, g, a, j] * P[c, g, i * D + j]
-                total += volumes[c, g] * at_point
-            out[c, a * components + i] = total
-
-    return forces
-
-
-@cache
-def stiffness_kernel(d: int, columns: int) -> Any:
-    """``K[m, k d, k d]`` from A dV of the points. Launched over (cells, nodes, nodes)."""
-    components, D = int(d), int(columns)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def stiffness(E: wp.array4d(dtype=f64), A: wp.array4d(dtype=f64), out: wp.array3d(dtype=f64)):
-        c, a, b = wp.tid()
-        for i in range(components):
-            for k in range(components):
-                total = f64(0.0)
-                for g in range(E.shape[1]):
-                    for j in range(D):
-                        row = f64(0.0)
-                        for l in range(D):
-                            row += A[c, g, i * D + j, k * D + l] * E[c, g, b, l]
-                        total += E[c, g, a, j] * row
-                out[c, a * components + i, b * components + k] = total
-
-    return stiffness

@@ -1,7 +1,6 @@
 """Stress and tangent at all Gauss points of a model, and their sums over each element.
 
-Gradients and volumes of the points belong to the undeformed mesh. On a CPU, the sums are matrix products
-(BLAS).
+Gradients and volumes of the points belong to the undeformed mesh. The sums are matrix products (BLAS).
 """
 
 from dataclasses import dataclass
@@ -15,14 +14,7 @@ from explicit.arrays import FloatArray
 from explicit.device import select_device
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Model
-from kolsky.equilibrium.point_kernels import (
-    KINEMATICS,
-    force_kernel,
-    point_kernel,
-    stiffness_kernel,
-    stress_kernel,
-    volume_kernel,
-)
+from kolsky.equilibrium.point_kernels import KINEMATICS, point_kernel, stress_kernel, volume_kernel
 
 
 @dataclass(frozen=True)
@@ -42,11 +34,6 @@ class Geometry:
     def T(self) -> FloatArray:
         """The gradients with the points of the element last [1/m], shape [m, g, D, k]."""
         return np.ascontiguousarray(np.swapaxes(self.E, 2, 3))
-
-    @property
-    def places(self) -> int:
-        """Number of Gauss points of the mesh."""
-        return int(self.volumes.size)
 
 
 def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None) -> Geometry:
@@ -142,10 +129,6 @@ class PointState:
     """Thickness stretch in plane stress [-], otherwise 1, shape [m, g]."""
 
 
-Sums = tuple[FloatArray, FloatArray | None]
-"""Forces and stiffness of each element."""
-
-
 class Points:
     """The Gauss points of a model: arrays on its device, kernels, and their evaluation."""
 
@@ -212,12 +195,11 @@ class Points:
         pressure of a mixed model [Pa]. ``thickness``: initial thickness stretch in plane stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns
-        short = single and not self.device.is_cuda
-        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed, single=short)
+        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed, single=single)
         two, three = self._none
         stretch = self._put(np.ones((m, g)) if thickness is None else thickness)
         P, J, W = self._zeros((m, g, n)), self._zeros((m, g)), self._zeros((m, g))
-        kind = wp.float32 if short else wp.float64
+        kind = wp.float32 if single else wp.float64
         A: Any = wp.empty((m, g, n, n) if tangent else (0,) * 4, dtype=kind, device=self.device)
         H = self._zeros((m, g, n)) if self.mixed or self.model.kinematics == "plane_stress" else three
         p = self._put(pressure) if pressure is not None else two
@@ -229,35 +211,16 @@ class Points:
             outputs=[P, A, H, J, W],
             device=self.device,
         )
-        sums = self._on_device if self.device.is_cuda else self._by_blas
-        summed, stiffness = sums(P, A, forces=forces, tangent=tangent, single=single)
+        T, summed, stiffness = self.geometry.T, np.zeros((0, 0)), None
+        if forces:
+            summed = element_forces(T, P.numpy() * self.geometry.volumes[..., None]).reshape(m, -1)
+        if tangent:
+            stiffness = element_stiffness(self._single if single else T, A.numpy())
         return PointState(P.numpy(), summed, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
 
     @cached_property
     def _single(self) -> FloatArray:
         return self.geometry.T.astype(np.float32)
-
-    def _by_blas(self, P: Any, A: Any, *, forces: bool, tangent: bool, single: bool) -> Sums:
-        T, volumes = self.geometry.T, self.geometry.volumes
-        summed, stiffness = np.zeros((0, 0)), None
-        if forces:
-            summed = element_forces(T, P.numpy() * volumes[..., None]).reshape(len(T), -1)
-        if tangent:
-            stiffness = element_stiffness(self._single if single else T, A.numpy())
-        return summed, stiffness
-
-    def _on_device(self, P: Any, A: Any, *, forces: bool, tangent: bool, single: bool) -> Sums:
-        m, k = self.model.mesh.cells.shape
-        summed, stiffness = self._zeros((m, k * self.d) if forces else (0, 0)), None
-        if forces:
-            kernel, given = force_kernel(self.d, self.columns), [self.E, self._volumes, P]
-            wp.launch(kernel, (m, k), inputs=given, outputs=[summed], device=self.device)
-        if tangent:
-            whole = self._zeros((m, k * self.d, k * self.d))
-            kernel = stiffness_kernel(self.d, self.columns)
-            wp.launch(kernel, (m, k, k), inputs=[self.E, A], outputs=[whole], device=self.device)
-            stiffness = whole.numpy().astype(np.float32 if single else np.float64, copy=False)
-        return summed.numpy(), stiffness
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the kernels' row at fixed deformation, shape [m, g, 9, n_row].

@@ -24,7 +24,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.equations import Equations
@@ -41,47 +40,28 @@ from kolsky.equilibrium.model import (
     Traction,
 )
 from kolsky.equilibrium.points import Points
-from kolsky.equilibrium.solution import Outcome, Solution
+from kolsky.equilibrium.solution import Outcome
 
 SMALLEST = 1e-14
 """Square of the smallest used singular value, as a share of the square of the largest [-]."""
 
 
-@dataclass(frozen=True)
-class Basis:
-    """Modes of displacement."""
+def decompose(snapshots: FloatArray, most: int) -> FloatArray:
+    """Modes V of snapshots [m] of shape [n_snapshots, n d]: orthonormal columns [-], shape [n d, r].
 
-    modes: FloatArray
-    """Orthonormal columns V [-], shape [n d, r]."""
-    values: FloatArray
-    """All singular values s_k [m], decreasing, shape [n_snapshots]."""
-
-    @property
-    def lost(self) -> float:
-        """Root of the residual share of the snapshots' sum of squares, Eq. (R.1) [-]."""
-        squares = self.values**2
-        return float(np.sqrt(squares[self.modes.shape[1] :].sum() / squares.sum()))
-
-
-def independent(snapshots: FloatArray) -> int:
-    """Number of independent snapshots of shape [n_snapshots, n d]."""
-    squares = np.linalg.eigvalsh(snapshots @ snapshots.T)
-    return int((squares > SMALLEST * squares[-1]).sum())
-
-
-def decompose(snapshots: FloatArray, modes: int) -> Basis:
-    """Find the modes of snapshots [m] of shape [n_snapshots, n d]."""
+    There are as many modes as independent snapshots, and not more than ``most``. Raises ValueError if all
+    snapshots are zero.
+    """
     U = np.asarray(snapshots, dtype=float)
-    gram = U @ U.T
-    squares, vectors = np.linalg.eigh(gram)
-    squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
-    rank = int((squares > SMALLEST * squares[0]).sum())
-    if not 1 <= modes <= rank:
-        raise ValueError(f"modes must be in [1, {rank}], the independent snapshots, got {modes}")
+    squares, vectors = np.linalg.eigh(U @ U.T)
+    squares, vectors = squares[::-1], vectors[:, ::-1]
+    modes = min(most, int((squares > SMALLEST * squares[0]).sum()))
+    if modes < 1:
+        raise ValueError("a reduced model needs one mode or more, and snapshots that move")
     V = U.T @ (vectors[:, :modes] / np.sqrt(squares[:modes]))
     # the Gram matrix squares the condition number: orthonormalise again
     V, R = np.linalg.qr(V)
-    return Basis(V * np.sign(np.diag(R)), np.sqrt(squares))
+    return np.asarray(V * np.sign(np.diag(R)))
 
 
 @dataclass(frozen=True)
@@ -162,14 +142,13 @@ class ReducedState:
 class ReducedModel:
     """A model, its basis, and the sampled elements."""
 
-    def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
-        """Make the reduced model. The conditions of `model` must be supports, weight and pressures. `gravity`
-        is the history of the weight's factor."""
+    def __init__(self, model: Model, V: FloatArray, sample: Sample, *, gravity: str | None = None) -> None:
+        """Make the reduced model with modes V [-] of shape [n d, r]. The conditions of `model` must be
+        supports, weight and pressures. `gravity` is the history of the weight's factor."""
         _checked(model)
-        self.model, self.basis, self.sample = model, basis, sample
-        V = basis.modes
+        self.model, self.V, self.sample = model, V, sample
         self.pressures = tuple(c.history for c in model.conditions if isinstance(c, Pressure))
-        equations = Equations(model, model.parameters(), linear="superlu")
+        equations = Equations(model, model.parameters())
         self._loads = [_polynomial(equations, number, V) for number in range(len(self.pressures))]
         at = {name: 0.0 for name in model.histories}
         if gravity is not None:
@@ -179,10 +158,9 @@ class ReducedModel:
         small = Mesh(model.mesh.points[used], cells.reshape(len(sample.cells), -1), model.mesh.kind)
         regions = model.cell_regions[sample.cells]
         present, regions = np.unique(regions, return_inverse=True)
-        self._present = present
-        """Regions of the sampled elements."""
         part = Model(small, model.solid, kinematics=model.kinematics, gauss=model.gauss, regions=regions)
         self._points = Points(part)
+        self._rows = self._points.rows(model.parameters()[present])
         self._rows_of = V[components(used[:, None], model.dimension).ravel()]
         self._of_cells = self._rows_of[components(small.cells, model.dimension)]
         self._weighted = sample.weights[:, None, None] * self._of_cells
@@ -190,26 +168,18 @@ class ReducedModel:
     @property
     def modes(self) -> int:
         """Number of unknowns r."""
-        return self.basis.modes.shape[1]
-
-    def expanded(self, q: FloatArray) -> FloatArray:
-        """Displacements of amplitudes [m], shape [n, d]."""
-        return (self.basis.modes @ q).reshape(-1, self.model.dimension)
+        return self.V.shape[1]
 
     def rows(self, where: str) -> FloatArray:
         """Mean of the modes over a set of points [-], shape [d, r]."""
         d = self.model.dimension
-        V = self.basis.modes.reshape(-1, d, self.modes)
+        V = self.V.reshape(-1, d, self.modes)
         return np.asarray(V[self.model.mesh.nodes(where)].mean(axis=0))
 
-    def constants(self, parameters: ArrayLike | None = None) -> FloatArray:
-        """The kernels' rows of the sampled elements with other constants of the regions."""
-        return self._points.rows(self.model.parameters(parameters)[self._present])
-
-    def internal(self, q: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
+    def internal(self, q: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
         """Reduced internal forces [N], their tangent [N/m], and True if an element is inverted."""
         u = (self._rows_of @ q).reshape(-1, self.model.dimension)
-        state = self._points.evaluate(u, rows, tangent=True)
+        state = self._points.evaluate(u, self._rows, tangent=True)
         assert state.stiffness is not None
         forces = np.einsum("ekr,ek->r", self._weighted, state.forces)
         half = np.matmul(state.stiffness, self._of_cells)
@@ -230,16 +200,14 @@ class ReducedModel:
         pressures: Sequence[float] | FloatArray,
         *,
         start: FloatArray | None = None,
-        rows: FloatArray | None = None,
         tolerance: float = 1e-9,
     ) -> ReducedState:
         """Find the equilibrium under pressures [Pa] of shape [n_pressures] from amplitudes `start`."""
         p = np.asarray(pressures, dtype=float)
         q = np.zeros(self.modes) if start is None else np.asarray(start, dtype=float).copy()
-        rows = self.constants() if rows is None else rows
         nothing = np.full((self.modes, len(p)), np.nan)
         for iteration in range(ITERATIONS + 1):
-            internal, tangent, inverted = self.internal(q, rows)
+            internal, tangent, inverted = self.internal(q)
             if inverted or not np.isfinite(internal).all():
                 return ReducedState(q, nothing, Outcome.INVERTED, iteration)
             unit, by = self.loads(q)
@@ -262,25 +230,21 @@ class ReducedModel:
 
 
 def reduce(
-    solutions: Sequence[Solution], *, modes: int, tolerance: float, gravity: str | None = None
+    model: Model, snapshots: FloatArray, *, modes: int, tolerance: float, gravity: str | None = None
 ) -> ReducedModel:
-    """Make a reduced model from equilibria of one model.
+    """Make a reduced model from displacements of its equilibria [m], shape [n_snapshots, n, d].
 
-    ``solutions``: equilibria with the same mesh, conditions and constants. Every step that was reached is a
-    snapshot. ``modes``: maximum number of unknowns. The number of independent snapshots is another limit.
-    ``tolerance``: tolerance for choosing the elements, Eq. (R.2). ``gravity``: history of the weight's
-    factor.
+    ``modes``: maximum number of unknowns. ``tolerance``: tolerance for choosing the elements, Eq. (R.2).
+    ``gravity``: history of the weight's factor.
     """
-    model = solutions[0].model
-    snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])
-    basis = decompose(snapshots, min(modes, independent(snapshots)))
-    G = shares(model, basis, snapshots)
-    return ReducedModel(model, basis, choose(G, tolerance=tolerance), gravity=gravity)
+    flat = snapshots.reshape(len(snapshots), -1)
+    V = decompose(flat, modes)
+    return ReducedModel(model, V, choose(shares(model, V, flat), tolerance=tolerance), gravity=gravity)
 
 
-def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:
+def shares(model: Model, V: FloatArray, snapshots: FloatArray) -> FloatArray:
     """The elements' contributions to the reduced forces of projected snapshots [N], [n_snapshots r, m]."""
-    points, V = Points(model), basis.modes
+    points = Points(model)
     rows = points.rows(model.parameters())
     of_cells = V[components(model.mesh.cells, model.dimension)]
     found = []

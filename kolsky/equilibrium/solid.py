@@ -11,7 +11,7 @@ Volumetric energies U(J) are
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -101,52 +101,6 @@ def polynomial(d1: float, d2: float = 0.0, d3: float = 0.0) -> Volumetric:
     return Volumetric("polynomial", (float(d1), float(d2), float(d3)))
 
 
-class Solid(Protocol):
-    """A hyperelastic material with named constants."""
-
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the constants, in the order of `parameters`."""
-        ...
-
-    def parameters(self) -> FloatArray:
-        """The constants, in Pa or 1, shape [n_parameters]."""
-        ...
-
-    def with_parameters(self, values: FloatArray) -> Self:
-        """The material with other constants."""
-        ...
-
-    def row(self) -> FloatArray:
-        """The numbers that the Warp functions read, shape [n_row]."""
-        ...
-
-    def functions(self) -> tuple[Any, Any, Any]:
-        """Warp functions ``(energy, stress, tangent)`` of ``(F, row)``."""
-        ...
-
-    def isochoric_functions(self) -> tuple[Any, Any, Any]:
-        """The functions without the volumetric energy, for a mixed formulation.
-
-        Raises ValueError if the solid has none.
-        """
-        ...
-
-    def scaled(self, factor: float) -> Self:
-        """The material with every stress multiplied by a factor. Pure numbers do not change."""
-        ...
-
-    @property
-    def volumetric(self) -> Volumetric | None:
-        """The volumetric energy, if it is separate."""
-        ...
-
-    @property
-    def shear_modulus(self) -> float:
-        """Shear modulus at rest [Pa]."""
-        ...
-
-
 @dataclass(frozen=True)
 class Isotropic:
     """A law of the isochoric invariants or stretches, and a volumetric energy."""
@@ -166,29 +120,29 @@ class Isotropic:
         return self.law.shear_modulus
 
     def parameters(self) -> FloatArray:
-        """See `Solid`."""
+        """The constants, in Pa or 1, shape [n_parameters]."""
         return np.concatenate([self.law.constants(), self.volumetric.values])
 
     def with_parameters(self, values: FloatArray) -> Self:
-        """See `Solid`."""
+        """The material with other constants, in the order of `parameters`."""
         n = len(self.law.PARAMETERS)
         return replace(self, law=self.law.of(values[:n]), volumetric=self.volumetric.of(values[n:]))
 
     def scaled(self, factor: float) -> Self:
-        """See `Solid`."""
+        """The material with every stress multiplied by a factor. Pure numbers do not change."""
         values = factor * np.asarray(self.volumetric.values)
         return replace(self, law=self.law.scaled(factor), volumetric=self.volumetric.of(values))
 
     def row(self) -> FloatArray:
-        """The law's row, then the volumetric constants."""
+        """The numbers that the Warp functions read: the law's row, then the volumetric constants."""
         return np.concatenate([self.law.parameters(), self.volumetric.values])
 
     def functions(self) -> tuple[Any, Any, Any]:
-        """See `Solid`."""
+        """Warp functions ``(energy, stress, tangent)`` of ``(F, row)``."""
         return with_volume(self.isochoric_functions(), self.volumetric.form, len(self.law.parameters()))
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
-        """See `Solid`."""
+        """The functions without the volumetric energy, for a mixed formulation."""
         law: Any = type(self.law)  # a class is hashable, whatever its metaclass is taken for
         return (invariant_point_functions if isinstance(self.law, InvariantLaw) else stretch_point_functions)(
             law
@@ -234,15 +188,15 @@ class CompressibleNeoHookean:
         return None
 
     def parameters(self) -> FloatArray:
-        """See `Solid`."""
+        """See `Isotropic`."""
         return np.array([self.mu, self.lam])
 
     def with_parameters(self, values: FloatArray) -> Self:
-        """See `Solid`."""
+        """See `Isotropic`."""
         return replace(self, mu=float(values[0]), lam=float(values[1]))
 
     def scaled(self, factor: float) -> Self:
-        """See `Solid`."""
+        """See `Isotropic`."""
         return self.with_parameters(factor * self.parameters())
 
     def row(self) -> FloatArray:
@@ -250,7 +204,7 @@ class CompressibleNeoHookean:
         return self.parameters()
 
     def functions(self) -> tuple[Any, Any, Any]:
-        """See `Solid`."""
+        """See `Isotropic`."""
         return compressible_neo_hookean()
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
@@ -259,3 +213,7 @@ class CompressibleNeoHookean:
             "the compressible neo-Hookean energy has no separate volumetric part: take volumetric = "
             '"displacement", or Isotropic with the neo_hookean law'
         )
+
+
+Solid = Isotropic | CompressibleNeoHookean
+"""A hyperelastic material with named constants."""

@@ -13,6 +13,11 @@ from kolsky.equilibrium.model import Model
 class Outcome(NamedOutcome):
     """How a history of equilibria ended."""
 
+    def require(self, what: str) -> None:
+        """Raise ValueError with what was simulated, cause and cure, if not every step was reached."""
+        if not self.ok:
+            raise ValueError(f"{what}: {self.cause}; {self.cure}")
+
     COMPLETED = 0, "every step was reached", "nothing to do"
     NOT_CONVERGED = (
         1,
@@ -30,15 +35,10 @@ class Outcome(NamedOutcome):
         "the tangent stiffness is singular",
         "hold the rigid motions of every part, or look for buckling",
     )
-    THICKNESS = (
-        4,
-        "no thickness stretch makes the stress across the sheet zero",
-        "check the constants of the law, or end the history earlier",
-    )
     PENETRATION = (
         5,
         "a contact did not close within its tolerance",
-        "raise the stiffness or the tolerance of the contact, or take smaller steps",
+        "raise the penalty or the tolerance of the contact, or take smaller steps",
     )
     UNFINISHED = (
         6,

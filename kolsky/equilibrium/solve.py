@@ -59,6 +59,8 @@ BEYOND = 0.1
 new tangent, the last iteration ends far below the tolerance."""
 ROUNDING = 1e-14
 """Relative change of the displacements that is round-off [-]."""
+ITERATIONS, LENGTHS = 40, 8
+"""Maximum number of iterations of a step before it is halved, and of step lengths tried along a direction."""
 AUGMENTATIONS = 40
 """Maximum number of augmentations of contact multipliers in a step."""
 
@@ -69,12 +71,8 @@ class Newton:
 
     tolerance: float = 1e-8
     """Largest residual as a share of the internal forces (2-norms) [-]."""
-    iterations: int = 40
-    """Maximum number of iterations of a step before it is halved."""
     halvings: int = 8
     """How often a step may be halved."""
-    line_search: int = 8
-    """Maximum number of step lengths tried along a direction."""
     linear: str = "auto"
     """The linear solver, see `kolsky.equilibrium.linear.solvers`."""
     single: bool = True
@@ -84,8 +82,8 @@ class Newton:
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1e-2:
             raise ValueError(f"tolerance must be in (0, 0.01), got {self.tolerance}")
-        if min(self.iterations, self.line_search) < 1 or self.halvings < 0:
-            raise ValueError("iterations and line_search must be >= 1, halvings >= 0")
+        if self.halvings < 0:
+            raise ValueError(f"halvings must be >= 0, got {self.halvings}")
 
 
 class Iteration:
@@ -147,7 +145,7 @@ class Iteration:
         tolerance = self.options.tolerance
         if not self.equations.smooth:
             self.kept = None
-        for _ in range(self.options.iterations):
+        for _ in range(ITERATIONS):
             if state.inverted:
                 return Outcome.INVERTED
             if self.equations.converged(state, tolerance):
@@ -192,7 +190,7 @@ class Iteration:
         step = equations.expanded(direction)
         initial = float(state.residual @ direction)
         length, best = 1.0, None
-        for _ in range(self.options.line_search):
+        for _ in range(LENGTHS):
             tried = equations.evaluate(state.u + length * step, state.at, like=state)
             if not tried.inverted:
                 work = float(tried.residual @ direction)

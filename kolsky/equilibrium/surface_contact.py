@@ -134,7 +134,6 @@ class SurfaceContact:
         self.size = float(np.mean(lengths)) ** (1.0 / (d - 1))
         self.stiffness = 0.5 * condition.penalty * model.solid.shear_modulus / self.size
         self.depth = DEPTH * self.size if condition.depth is None else condition.depth
-        self.reach = self.size if condition.reach is None else condition.reach
         self._last: tuple[FloatArray, Touch] | None = None
 
     def touch(self, u: FloatArray) -> Touch:
@@ -239,13 +238,13 @@ class SurfaceContact:
         centres = corners.mean(axis=1)
         away, faces = cKDTree(centres).query(own, k=[*range(1, tried + 1)])
         radius = np.linalg.norm(corners - centres[:, None], axis=-1).max(axis=1)
-        near = away <= radius[faces] + self.reach
+        near = away <= radius[faces] + self.size
         points, flat = np.repeat(np.arange(len(own)), tried)[near.ravel()], faces[near]
         places, ended = self._closest(own[points], corners[flat])
         tangents = np.einsum("tka,tkd->tad", self.element.gradients(places), corners[flat])
         at = np.einsum("tk,tkd->td", self.element.values(places), corners[flat])
         gaps = np.einsum("td,td->t", own[points] - at, normals(tangents))
-        good = ended & _inside_face(self.element, places) & (np.abs(gaps) <= self.reach)
+        good = ended & _inside_face(self.element, places) & (np.abs(gaps) <= self.size)
         kept = np.flatnonzero(good)
         kept = kept[np.lexsort((np.abs(gaps[kept]), points[kept]))]
         best = kept[np.unique(points[kept], return_index=True)[1]]  # the nearest of each point

@@ -14,7 +14,7 @@ from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, FitQuality, Verdict
-from kolsky.material.relaxation.evidence import Evidence
+from kolsky.material.relaxation.rate_fit import Evidence
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from kolsky.base.errors import InputError, refused
 from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.parameters import MOVED
-from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel, ScaledLaw
+from kolsky.material.relaxation.rate_fit import DynamicTest, Evidence, HistoryTest, RateModel, ScaledLaw
 from kolsky.material.relaxation.temperature import Superposition, TemperatureSweep, superpose
 from kolsky.readers.table import Column, Table, read_table
 from kolsky.schema import fields as f

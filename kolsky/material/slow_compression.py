@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from math import ceil, pi, sqrt
-from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +9,6 @@ import explicit
 from explicit.materials import MaterialLaw
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import write_table
 
 DENSITY = 1000.0
 """Mass density used in all slow tests [kg/m^3]. The duration is given in passages of a wave."""
@@ -21,6 +19,8 @@ _VISCOSITY = 0.03
 Coulomb's law oscillates."""
 RISE = 0.5
 """Share of the duration in which the platen accelerates [-]."""
+GRADING = 2.0
+"""Size of the largest element divided by that of the smallest. The small ones lie at faces and side."""
 LEAST_COMPARED_STRAIN = 0.02
 """Strain below which kinetic energy and face forces are not compared [-]. Both energies begin at zero."""
 
@@ -31,8 +31,6 @@ class SlowNumerics:
 
     mesh: tuple[int, int] = (16, 22)
     """Elements across the radius and along the length."""
-    grading: float = 2.0
-    """Size of the largest element divided by that of the smallest. The small ones lie at faces and side."""
     passages: float = 250.0
     """Duration in passages of a bar wave along the specimen at rest [-]."""
     poisson: float = 0.499
@@ -83,7 +81,7 @@ def slow_run(
     response = explicit.run(
         explicit.Model(
             mesh=explicit.cylinder(
-                specimen.radius, specimen.length, n_radial=n_radial, n_axial=n_axial, grading=numerics.grading
+                specimen.radius, specimen.length, n_radial=n_radial, n_axial=n_axial, grading=GRADING
             ),
             density=DENSITY,
             materials=(law,),
@@ -148,10 +146,6 @@ class SlowCompression:
     """Nominal compressive strain [-], shape [n]."""
     force: FloatArray
     """Force [N], shape [n]."""
-    stress: FloatArray
-    """Force over the undeformed cross-section [Pa], shape [n]."""
-    radius: FloatArray
-    """Radius at mid-height [m], shape [n]."""
     error: FloatArray
     """Relative error of the force from inertia, drag and damping [-], shape [n]."""
     durations: tuple[float, ...]
@@ -160,7 +154,18 @@ class SlowCompression:
     """Largest error from `LEAST_COMPARED_STRAIN` on in each run [-]. It is infinite for the first run, which
     has no earlier run for comparison."""
     test: SlowRun
-    """The last run: kinetic energy, difference of the faces, share past the data."""
+    """The last run: stress, radius, kinetic energy, difference of the faces, share past the data."""
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """Columns of its CSV file."""
+        return {
+            "strain (1)": self.strain,
+            "force (N)": self.force,
+            "stress (Pa)": self.test.stress,
+            "radius at mid-height (m)": self.test.bulge,
+            "error of the force (1)": self.error,
+        }
 
 
 def slow_compression(
@@ -230,22 +235,6 @@ def slow_compression(
                 "unstable"
             )
         before = found
-    stress = stiffness_factor * found.stress
-    force = stress * pi * specimen.radius**2
-    return SlowCompression(
-        strain, force, stress, found.bulge, left, tuple(durations), tuple(errors), test=found
-    )
-
-
-def write_slow_compression(path: Path, found: SlowCompression) -> Path:
-    """Write a table of strain, force, stress, radius and error, atomically."""
-    return write_table(
-        path,
-        {
-            "strain (1)": found.strain,
-            "force (N)": found.force,
-            "stress (Pa)": found.stress,
-            "radius at mid-height (m)": found.radius,
-            "error of the force (1)": found.error,
-        },
-    )
+    found = replace(found, stress=stiffness_factor * found.stress)
+    force = found.stress * pi * specimen.radius**2
+    return SlowCompression(strain, force, left, tuple(durations), tuple(errors), found)

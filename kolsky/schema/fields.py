@@ -19,6 +19,13 @@ def problem(message: str, **context: str) -> PydanticCustomError:
     return PydanticCustomError("shot", "{message}", {"message": message, **context})
 
 
+def reject(*checks: tuple[bool, str, str, str]) -> None:
+    """Raise the `problem` of the first check that applies: (it applies, key, message, cure)."""
+    for applies, key, message, cure in checks:
+        if applies:
+            raise problem(message, key=key, cure=cure)
+
+
 def physical(
     unit: str, rule: str = "finite", what: str | None = None, example: str | None = None
 ) -> Callable[[object], float]:

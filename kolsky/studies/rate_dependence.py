@@ -12,9 +12,11 @@ import numpy as np
 from dic.views import ResultViews
 from explicit.materials import MaterialLaw, neo_hookean
 from kolsky.inverse.slow_tests import SlowList
-from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
 from kolsky.material.relaxation.rate_fit import (
     ApparentModuli,
+    DynamicTest,
+    Evidence,
+    HistoryTest,
     RateFit,
     RateVerdict,
     apparent_moduli,

@@ -28,8 +28,7 @@ from kolsky.base.apparatus import MOST_BRANCHES, NETWORK_DEFAULTS, NETWORK_FREE,
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.joint_result import JointResult, Slow
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
-from kolsky.material.relaxation.evidence import HistoryTest
-from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, RateFit
+from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, HistoryTest, RateFit
 
 STRONG = 6.0
 """Smallest distance in BIC from the chosen model to every other [-]. It means odds of 20 to 1, the "strong"

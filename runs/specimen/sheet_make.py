@@ -49,7 +49,7 @@ def main(folder: Path) -> None:
     mesh = meshed((30, 15))
     law = Constants("neo_hookean_coupled", TRUE, ("E", "poisson"))
     sheet = Sheet(mesh, "plane_stress", 1e-3, "moving_pad", "fixed_pad")
-    solution = sheet.simulate(law.solid(law.start), PAD)
+    solution = sheet.simulate(law.solid(law.start), pad=PAD)
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(8e-3, 52.1e-3, 2e-3), np.arange(3e-3, 27.1e-3, 2e-3), indexing="ij")
     points = np.stack([x.ravel(), y.ravel()], axis=-1)

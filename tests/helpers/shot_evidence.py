@@ -13,7 +13,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.settings import Numerics
-from kolsky.material.relaxation.evidence import RateModel
+from kolsky.material.relaxation.rate_fit import RateModel
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from explicit import Model, PlatenMotion, Response, Samples, Sampling, cylinder,
 from explicit.materials import bulk_modulus, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress, prony_stress
 from explicit.relaxation.base import RateDependence
-from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
-from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
+from kolsky.material.relaxation.rate_fit import Evidence, HistoryTest, RateModel, fit_prony, required_branches
 
 SHOT_LAW = neo_hookean(20e3)
 PLANTED = RateModel(1.05, PronySeries((0.35,), (4e-4,)))

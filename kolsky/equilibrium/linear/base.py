@@ -25,20 +25,6 @@ class Factors(Protocol):
         ...
 
 
-class LinearSolver(Protocol):
-    """Factorises sums of element matrices of one mesh."""
-
-    worth: int
-    """Number of solutions that take about the time of one factorisation."""
-
-    def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
-        """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
-
-        Raises SingularError if it is singular.
-        """
-        ...
-
-
 ENTRIES = 20_000_000
 """Maximum number of matrix entries that are sorted together, which limits the memory [-]."""
 
@@ -78,8 +64,8 @@ class Pattern:
         groups = np.array_split(local, max(1, len(local) * entries // ENTRIES))
         found: IntArray = np.empty(0, dtype=np.int64)
         for group in groups:
-            found = np.sort(np.concatenate([found, _distinct(np.sort(self._keys(group)))]))
-            found = _distinct(found)
+            found = np.union1d(found, self._keys(group))
+        found = found[found >= 0]
         places = []
         for group in groups:
             keys = self._keys(group)
@@ -103,13 +89,6 @@ class Pattern:
             np.add.at(data, place[kept], values[kept])
             first += len(place)
         return csr_array((data, columns, starts), shape=(self.count, self.count))
-
-
-def _distinct(ordered: IntArray) -> IntArray:
-    """The different nonnegative numbers of an increasing sequence."""
-    first = np.ones(len(ordered), dtype=bool)
-    first[1:] = ordered[1:] != ordered[:-1]
-    return ordered[first & (ordered >= 0)]
 
 
 def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:

@@ -8,14 +8,14 @@ points of different elements (contact).
 """
 
 from collections.abc import Callable
-from typing import Any
+from itertools import combinations
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import LinearOperator, cg, gmres, splu
+from scipy.sparse.linalg import cg, gmres, splu
 
 from explicit.arrays import FloatArray, IntArray
-from kolsky.equilibrium.linear.base import Factors, LinearSolver, Pattern, SingularError
+from kolsky.equilibrium.linear.base import Factors, Pattern, SingularError
 from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, dissect
 from kolsky.equilibrium.meshes import components
 
@@ -28,111 +28,50 @@ ITERATIONS = 500
 """Maximum number of iterations of a solution."""
 STRONG = 0.03
 """Couplings |k_ij| below this share of sqrt(k_ii k_jj) do not join points in an aggregate [-]."""
-AGED = 3.0
-"""A hierarchy is reused until a solution needs this many times the iterations of its first solution [-]."""
 
 
-class Hierarchy:
-    """A multigrid hierarchy that is reused for later matrices."""
+class _Multigrid:
+    """A matrix and its multigrid hierarchy in place of factors."""
 
-    def __init__(self, rigid: FloatArray) -> None:
-        """Store the rigid motions of the unknowns, shape [N, 3 or 6]."""
-        self.rigid = rigid
-        self._levels: Any = None
-        self._first: dict[float, int] = {}
-
-    def preconditioner(self, matrix: csr_array) -> LinearOperator:
-        """The preconditioner of the hierarchy. If there is no hierarchy, it is made from this matrix."""
-        if self._levels is None:
-            try:
-                from pyamg import smoothed_aggregation_solver
-            except ImportError as missing:
-                raise ValueError('linear = "amg" needs the extra: pip install "kolsky[amg]"') from missing
-            strength = ("symmetric", {"theta": STRONG})
-            self._levels = smoothed_aggregation_solver(csr_array(matrix), B=self.rigid, strength=strength)
-        return self._levels.aspreconditioner()
-
-    @property
-    def made(self) -> bool:
-        """True if a hierarchy exists."""
-        return self._levels is not None
-
-    def served(self, iterations: int, tolerance: float) -> None:
-        """Record the iterations of a solution to a tolerance. If they are too many, the hierarchy is
-        removed."""
-        if iterations > AGED * self._first.setdefault(tolerance, iterations):
-            self.drop()
-
-    def drop(self) -> None:
-        """Remove the hierarchy; the next matrix makes a new one."""
-        self._levels, self._first = None, {}
-
-
-class _AmgFactors:
-    """A matrix and a hierarchy that replace factors."""
-
-    def __init__(
-        self, matrix: csr_array, hierarchy: Hierarchy, *, symmetric: bool, tolerance: float = TOLERANCE
-    ) -> None:
-        self.matrix, self.symmetric, self.tolerance = matrix, symmetric, tolerance
-        self._hierarchy = hierarchy
+    def __init__(self, matrix: csr_array, rigid: FloatArray, *, symmetric: bool, tolerance: float) -> None:
+        try:
+            from pyamg import smoothed_aggregation_solver
+        except ImportError as missing:
+            raise ValueError('linear = "amg" needs the extra: pip install "kolsky[amg]"') from missing
+        levels = smoothed_aggregation_solver(matrix, B=rigid, strength=("symmetric", {"theta": STRONG}))
+        self.matrix, self.symmetric = matrix, symmetric
+        self._options = {"rtol": tolerance, "maxiter": ITERATIONS, "M": levels.aspreconditioner()}
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """See `kolsky.equilibrium.linear.base.Factors`."""
         return self._solve(self.matrix, right)
 
     def solve_transposed(self, right: FloatArray) -> FloatArray:
-        """See `kolsky.equilibrium.linear.base.Factors`."""
         return self._solve(self.matrix if self.symmetric else self.matrix.T, right)
 
     def _solve(self, matrix: csr_array, right: FloatArray) -> FloatArray:
-        columns = np.asarray(right, dtype=float).reshape(len(right), -1)
-        found = [self._column(matrix, column) for column in columns.T]
+        found = []
+        for column in np.asarray(right, dtype=float).reshape(len(right), -1).T:
+            x, info = (cg if self.symmetric else gmres)(matrix, column, **self._options)
+            if info != 0:
+                raise SingularError(
+                    f"{ITERATIONS} iterations with multigrid did not reach {self._options['rtol']:g}"
+                )
+            found.append(x)
         return np.stack(found, axis=1).reshape(np.shape(right))
 
-    def _column(self, matrix: csr_array, right: FloatArray) -> FloatArray:
-        hierarchy, method = self._hierarchy, cg if self.symmetric else gmres
-        for old in (hierarchy.made, False):
-            if not old:
-                hierarchy.drop()
-            calls: list[object] = []
-            found, info = method(
-                matrix, right, rtol=self.tolerance, maxiter=ITERATIONS,
-                M=hierarchy.preconditioner(self.matrix), callback=calls.append,
-                **({} if self.symmetric else {"callback_type": "pr_norm"}),
-            )  # fmt: skip
-            if info == 0:
-                hierarchy.served(len(calls), self.tolerance)
-                return np.asarray(found)
-        raise SingularError(f"{ITERATIONS} iterations with multigrid did not reach {self.tolerance:g}")
 
-
-def _amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bool, bool], Factors]:
-    """A function that makes the hierarchy of a matrix, with the rigid motions of its points."""
+def _rigid_motions(pattern: Pattern, points: FloatArray) -> FloatArray:
+    """Translations and rotations of the unknowns, shape [count, 3 or 6]."""
     n, d = points.shape
     centred = points - points.mean(axis=0)
-    motions = []
-    for axis in range(d):
-        motion = np.zeros((n, d))
-        motion[:, axis] = 1.0
-        motions.append(motion)
-    for i in range(d):
-        for j in range(i):
-            motion = np.zeros((n, d))
-            motion[:, i], motion[:, j] = centred[:, j], -centred[:, i]
-            motions.append(motion)
-    rigid = np.zeros((pattern.count, len(motions)))
+    motions = [np.tile(row, (n, 1)) for row in np.eye(d)]
+    for i, j in combinations(range(d), 2):
+        motions.append(np.zeros((n, d)))
+        motions[-1][:, i], motions[-1][:, j] = centred[:, j], -centred[:, i]
     free = pattern.index >= 0
-    for column, motion in enumerate(motions):
-        rigid[pattern.index[free], column] = motion.ravel()[free]
-
-    hierarchy = Hierarchy(rigid)
-
-    def make(matrix: csr_array, symmetric: bool, guiding: bool) -> Factors:
-        tolerance = GUIDE if guiding else TOLERANCE
-        return _AmgFactors(matrix, hierarchy, symmetric=symmetric, tolerance=tolerance)
-
-    return make
+    rigid = np.zeros((pattern.count, len(motions)))
+    rigid[pattern.index[free]] = np.stack([motion.ravel()[free] for motion in motions], axis=1)
+    return rigid
 
 
 MANY = 300_000
@@ -160,7 +99,10 @@ class MultifrontalSolver:
         return 8.0 * sum(front.eliminated * len(front.unknowns) for front in self.fronts)
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
-        """See `kolsky.equilibrium.linear.base.LinearSolver`."""
+        """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
+
+        Raises SingularError if it is singular.
+        """
         values = _finite(elements)
         return Multifrontal(self.fronts, self.assembly, values, self.count, symmetric=symmetric)
 
@@ -174,7 +116,7 @@ class SparseSolver:
         self.pattern, self._factorise, self.worth = pattern, factorise, worth
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
-        """See `kolsky.equilibrium.linear.base.LinearSolver`."""
+        """See `MultifrontalSolver.factors`."""
         guiding = elements.dtype == np.float32
         return self._factorise(self.pattern.matrix(_finite(elements)), symmetric, guiding)
 
@@ -199,6 +141,10 @@ class _SuperLU:
         return np.asarray(self._factors.solve(right, trans="T"))
 
 
+LinearSolver = MultifrontalSolver | SparseSolver
+"""Factorises sums of element matrices of one mesh. `worth` solutions take about the time of one."""
+
+
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
     """Return a solver by name. "auto" selects one. Raises ValueError if there is no such solver."""
     if name in ("auto", "multifrontal"):
@@ -209,7 +155,12 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
     if name == "superlu":
         return SparseSolver(pattern, _SuperLU, worth=DIRECT)
     if name == "amg":
-        return SparseSolver(pattern, _amg_factors(pattern, points), worth=1)
+        rigid = _rigid_motions(pattern, points)
+
+        def multigrid(matrix: csr_array, symmetric: bool, guiding: bool) -> Factors:
+            return _Multigrid(matrix, rigid, symmetric=symmetric, tolerance=GUIDE if guiding else TOLERANCE)
+
+        return SparseSolver(pattern, multigrid, worth=1)
     raise ValueError(f"linear must be one of auto, multifrontal, superlu, amg, got {name!r}")
 
 

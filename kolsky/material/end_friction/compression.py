@@ -40,10 +40,6 @@ class Compression:
     it."""
 
 
-class NoEquilibriumError(ValueError):
-    """No equilibrium was found. The message gives the strain."""
-
-
 GAUSS = 5
 """Gauss points of the side in each boundary element."""
 
@@ -132,14 +128,10 @@ class ContactForces:
     """Radial force [N], shape [n_contact]."""
     stiffness: FloatArray
     """d(radial, axial force on the point) / d(r, z), row by row [N/m], shape [n_contact, 2, 2]."""
-    by_anchor: FloatArray
-    """d(radial force)/d(anchor) [N/m], shape [n_contact]."""
-    by_normal: FloatArray
-    """d(radial force)/d(normal force) [-], shape [n_contact]."""
-    by_friction: FloatArray
-    """d(radial force)/d(coefficient) [N], shape [n_contact]."""
-    slipping: NDArray[np.bool_]
-    """True if Coulomb's limit is reached, shape [n_contact]."""
+    stuck: NDArray[np.bool_]
+    """True for a point that sticks, shape [n_contact]."""
+    slip: FloatArray
+    """Sign of the radial force of a sliding point, 0 for the others [-], shape [n_contact]."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +158,11 @@ class Platen:
         smallest = min(np.diff(np.unique(r)).min(), np.diff(np.unique(z)).min()) * 2.0
         return np.asarray(_STIFF * self.modulus / smallest * self.points.areas)
 
+    @property
+    def coefficient(self) -> float:
+        """d(radial force)/d(normal force) of a sliding point [-]; 0 if no point slides."""
+        return self.friction if np.isfinite(self.friction) else 0.0
+
     def at_rest(self, n_parameters: int) -> Grip:
         """State before the platen moves: the face is in contact."""
         r, z = self.points.at(self.mesh.points).T
@@ -180,47 +177,15 @@ class Platen:
         normal = np.maximum(grip.normal + k * (z - level), 0.0)
         pressed = normal > 0.0
         trial = np.where(pressed & grip.touching, -k * (r - grip.anchor), 0.0)
-        limit = self.friction * normal if np.isfinite(self.friction) else np.full(k.size, np.inf)
-        slipping = np.abs(trial) > limit
-        tangential = np.where(slipping, np.sign(trial) * np.where(slipping, limit, 0.0), trial)
-        stuck = pressed & grip.touching & ~slipping
+        limit = self.coefficient * normal if np.isfinite(self.friction) else np.full(k.size, np.inf)
+        slip = np.where(np.abs(trial) > limit, np.sign(trial), 0.0)
+        tangential = np.where(slip == 0.0, trial, slip * (self.coefficient * normal))
+        stuck = pressed & grip.touching & (slip == 0.0)
         stiffness = np.zeros((k.size, 2, 2))
         stiffness[:, 1, 1] = np.where(pressed, -k, 0.0)
         stiffness[:, 0, 0] = np.where(stuck, -k, 0.0)
-        sign = np.where(slipping, np.sign(trial), 0.0)
-        if np.isfinite(self.friction):
-            stiffness[:, 0, 1] = np.where(pressed, sign * self.friction * k, 0.0)
-        return ContactForces(
-            normal,
-            tangential,
-            stiffness,
-            np.where(stuck, k, 0.0),
-            np.where(slipping, sign * self.friction, 0.0) if np.isfinite(self.friction) else 0.0 * sign,
-            sign * normal,
-            slipping & pressed,
-        )
-
-    def gripped(
-        self,
-        x: FloatArray,
-        found: ContactForces,
-        grip: Grip,
-        moved: FloatArray,
-        down: FloatArray,
-        slid: FloatArray,
-    ) -> Grip:
-        """State of the points at an equilibrium.
-
-        `moved`, `down` and `slid` are derivatives by the parameters, shape [n_contact, n_parameters]. They
-        belong to the points' radii, heights and tangential forces.
-        """
-        r, k = self.points.at(x)[:, 0], self.penalty
-        touching = found.normal > 0.0
-        pressing = np.where(touching[:, None], grip.normal_change + k[:, None] * down, 0.0)
-        stuck = touching & grip.touching & ~found.slipping
-        anchor = np.where(stuck, grip.anchor, r + found.tangential / k)
-        change = np.where(stuck[:, None], grip.anchor_change, moved + slid / k[:, None])
-        return Grip(touching, anchor, change, found.normal, pressing)
+        stiffness[:, 0, 1] = slip * self.coefficient * k
+        return ContactForces(normal, tangential, stiffness, stuck, slip)
 
 
 STEP = 0.01
@@ -335,7 +300,7 @@ class _March:
                 if self._creep(to):
                     size = STEP
                     continue
-                raise NoEquilibriumError(
+                raise ValueError(
                     f"no equilibrium near the last one at a compression of {100.0 * to:.1f} %: the body"
                     " buckles, folds or its law is unstable; end the curve earlier or take another law"
                 )
@@ -450,13 +415,15 @@ class _March:
         n = self.change.shape[1]
         by = np.zeros((u.size, n))
         base = self.body.isochoric_forces(self.laws[0], state)
-        for k, (law, step) in enumerate(zip(self.laws[1:], self.parameter_steps, strict=True)):
-            by[:, k] = self.pattern.vector(self.body.isochoric_forces(law, state) - base) / step
+        for j, (law, step) in enumerate(zip(self.laws[1:], self.parameter_steps, strict=True)):
+            by[:, j] = self.pattern.vector(self.body.isochoric_forces(law, state) - base) / step
         direct = by.copy()
         pressed = (contact.normal > 0.0)[:, None] * self.grip.normal_change
-        held = contact.by_anchor[:, None] * self.grip.anchor_change + contact.by_normal[:, None] * pressed
+        c, k, slip = contact.stiffness, self.platen.penalty[:, None], contact.slip
+        held = -c[:, 0, 0, None] * self.grip.anchor_change
+        held += (slip * self.platen.coefficient)[:, None] * pressed
         if self.by_friction:
-            held[:, -1] += contact.by_friction
+            held[:, -1] += slip * contact.normal
         direct[0::2] -= points.shared(held)
         direct[1::2] += points.shared(pressed)
         change = np.zeros_like(by)
@@ -468,9 +435,12 @@ class _March:
         moved = np.einsum("ekl,eln->ekn", stiffness, change[dofs], optimize=True)
         at_middle = np.isin(dofs, self.middle)[:, :, None]
         self.force_change = (moved * at_middle).sum(axis=(0, 1)) + by[self.middle].sum(axis=0)
-        c = contact.stiffness
         out, down = points.at(change[0::2]), points.at(change[1::2])
         slid = c[:, 0, 0, None] * out + c[:, 0, 1, None] * down + held
-        x = self.mesh.points + u.reshape(-1, 2)
-        self.grip = self.platen.gripped(x, contact, self.grip, out, down, slid)
+        r = points.at(self.mesh.points + u.reshape(-1, 2))[:, 0]
+        touching = contact.normal > 0.0
+        pressing = np.where(touching[:, None], self.grip.normal_change + k * down, 0.0)
+        anchor = np.where(contact.stuck, self.grip.anchor, r + contact.tangential / k[:, 0])
+        anchor_change = np.where(contact.stuck[:, None], self.grip.anchor_change, out + slid / k)
+        self.grip = Grip(touching, anchor, anchor_change, contact.normal, pressing)
         self.before, self.u, self.at, self.change = self.u, u, (self.at[1], to), change

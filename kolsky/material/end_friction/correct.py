@@ -28,7 +28,6 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.end_friction.fits import (
     LEAST_SINGULAR_VALUE,
     NOISE_LEFT,
-    FitFailedError,
     ModelOptimum,
     bic,
     fit_candidate,
@@ -127,7 +126,7 @@ def correct_friction(
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
         found = fit_nodes(test)
-    except FitFailedError as error:
+    except ValueError as error:
         raise ValueError(f"the friction cannot be taken out: {error}") from error
     nearest = min(found, key=lambda one: one.chi2)
     more, failed = _fit_candidates(test, laws, nearest)
@@ -159,7 +158,7 @@ def _fit_candidates(
     for candidate in candidates(laws) if laws else ():
         try:
             found.append(fit_candidate(test, candidate, near))
-        except FitFailedError as error:
+        except ValueError as error:
             failed.append(ModelFit.without(candidate.name, str(error)))
     return found, failed
 
@@ -228,7 +227,7 @@ def _correction(
             f"{best.model.name}, the last law, has no equilibrium on the refined mesh: end the curve earlier"
         )
     stress = np.exp(mean)
-    by_mesh = -response[:, :n] @ best.mesh.stress
+    by_mesh = -response[:, :n] @ best.mesh_change
     modes = [(name, response[:, :n] @ (row / band.stress)[_chosen(band, test)]) for name, row in
              zip(band.names, band.modes, strict=True)]  # fmt: skip
     modes += [("noise", row) for row in _noise(best, test, response, band)]
@@ -328,7 +327,7 @@ def fit_specimen(
             failed.append(ModelFit.without(one.model.name, "it has no equilibrium on the refined mesh"))
             continue
         row = model_fit(one, test, band.strain, float(weight), float(criterion))
-        change = mesh_change(one, test)
+        change = test.moved(one.gain, one.made, one.mesh)
         share = mesh_share(test.numerics)
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         drift = _range_drift(one, test)
@@ -343,15 +342,6 @@ def fit_specimen(
         remark = _drift_remark(row, drift, units) if drift.probability < DRIFTS else ""
         made.append(replace(row, sigma=sigma, remark=remark))
     return (*sorted(made, key=lambda one: -one.weight), *failed)
-
-
-def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
-    """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
-    assert one.mesh is not None
-    rows = one.mesh.stress / test.noise
-    if test.bulge is not None:
-        rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
-    return np.asarray(-one.gain[:, : rows.size] @ rows)
 
 
 SLOW_STRESS = 1.5e-3
@@ -482,7 +472,4 @@ def _poisson_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
         replace(test, numerics=own).simulate(one.model, one.theta, derivatives=False)
         for own in (numerics, stiffer)
     ]
-    rows = np.log(made[1].stress / made[0].stress) / test.noise
-    if test.bulge is not None:
-        rows = np.append(rows, (made[1].bulge - made[0].bulge) / test.bulge_scale)
-    return np.asarray(-one.gain[:, : rows.size] @ rows)
+    return test.moved(one.gain, *made)

@@ -48,9 +48,9 @@ class Deformation:
     stretch: FloatArray
     """Principal stretches, that of the hoop last [-], shape [n, q, 3]."""
     left: FloatArray
-    """(cos, sin) of the angle of U, shape [n, q, 2]."""
+    """Principal axes after the deformation, one per row, shape [n, q, 2, 2]."""
     right: FloatArray
-    """(cos, sin) of the angle of V, shape [n, q, 2]."""
+    """Principal axes before the deformation, one per row, shape [n, q, 2, 2]."""
 
     @classmethod
     def of(cls, F: FloatArray) -> "Deformation":
@@ -59,13 +59,11 @@ class Deformation:
         c, d = 0.5 * (F[..., 2] + F[..., 1]), 0.5 * (F[..., 2] - F[..., 1])
         whole, part = np.hypot(a, d), np.hypot(b, c)
         plus, minus = np.arctan2(c, b), np.arctan2(d, a)
-        u, v = 0.5 * (plus + minus), 0.5 * (plus - minus)
-        return cls(
-            F,
-            np.stack([whole + part, whole - part, F[..., 4]], axis=-1),
-            np.stack([np.cos(u), np.sin(u)], axis=-1),
-            np.stack([np.cos(v), np.sin(v)], axis=-1),
+        left, right = (
+            np.stack([np.cos(x), np.sin(x), -np.sin(x), np.cos(x)], axis=-1).reshape(*x.shape, 2, 2)
+            for x in (0.5 * (plus + minus), 0.5 * (plus - minus))
         )
+        return cls(F, np.stack([whole + part, whole - part, F[..., 4]], axis=-1), left, right)
 
     @property
     def valid(self) -> bool:
@@ -75,13 +73,9 @@ class Deformation:
     @cached_property
     def axes(self) -> FloatArray:
         """Directions dF of the components (11, 12, 21, 22, hoop) in principal axes, shape [n, q, 5, 5]."""
-        (cu, su), (cv, sv) = np.moveaxis(self.left, -1, 0), np.moveaxis(self.right, -1, 0)
-        u, v = ((cu, su), (-su, cu)), ((cv, sv), (-sv, cv))
         Q = np.zeros((*self.F.shape[:-1], 5, 5))
-        for i in range(2):
-            for j in range(2):
-                for k in range(4):
-                    Q[..., 2 * i + j, k] = u[i][k // 2] * v[j][k % 2]
+        pairs = np.einsum("...ik,...jl->...ijkl", self.left, self.right)
+        Q[..., :4, :4] = pairs.reshape(*self.F.shape[:-1], 4, 4)
         Q[..., 4, 4] = 1.0
         return Q
 
@@ -99,9 +93,7 @@ def isochoric_tangent(law: Stretches, state: Deformation) -> FloatArray:
     slope = tau / lam
     H = (tangent(law, lam) - np.eye(3) * tau[..., None]) / (lam[..., :, None] * lam[..., None, :])
     A = np.zeros((*lam.shape[:-1], 5, 5))
-    for i, k in enumerate((0, 3, 4)):
-        for j, m in enumerate((0, 3, 4)):
-            A[..., k, m] = H[..., i, j]
+    A[..., [[0], [3], [4]], [0, 3, 4]] = H
     apart = lam[..., 0] - lam[..., 1]
     near = np.abs(apart) < EQUAL_STRETCHES * lam[..., 0]
     limit = H[..., 0, 0] - H[..., 0, 1]

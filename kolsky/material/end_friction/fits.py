@@ -1,6 +1,7 @@
 """Laws fitted by inverse finite elements to a compression test with end friction, on two meshes."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +17,6 @@ from kolsky.material.end_friction.problem import (
     CurveModel,
     LibraryModel,
     MeasuredSpecimen,
-    MeshError,
     ModelFit,
     NodesModel,
     measure,
@@ -57,8 +57,14 @@ class ModelOptimum:
     """Sum of squared residuals of the test [-]."""
     off: FloatArray
     """ln of simulated over measured stress [-], shape [n]."""
-    mesh: MeshError | None = None
-    """Change by the refined mesh, if the fit was moved to it."""
+    mesh: Compression | None = None
+    """The test simulated on the refined mesh with the unknowns of `made`, if the fit was moved to it."""
+
+    @property
+    def mesh_change(self) -> FloatArray:
+        """ln of the stress on the refined mesh divided by that on the coarse one [-], shape [n]."""
+        assert self.mesh is not None
+        return np.asarray(np.log(self.mesh.stress / self.made.stress))
 
     @property
     def gain(self) -> FloatArray:
@@ -69,10 +75,6 @@ class ModelOptimum:
     def misfit(self) -> float:
         """Root mean square of (simulated over measured stress) minus 1 [-]."""
         return float(np.sqrt(np.mean(self.off**2)))
-
-
-class FitFailedError(ValueError):
-    """A model cannot be fitted. The message gives the reason."""
 
 
 def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> ModelOptimum:
@@ -109,7 +111,7 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> M
     if test.free:
         low, high = np.append(low, np.log(1e-3)), np.append(high, np.log(10.0))
     if run(start) is None:
-        raise FitFailedError(f"its start has no equilibrium: {why}")
+        raise ValueError(f"its start has no equilibrium: {why}")
     limits: dict[str, Any] = {
         "bounds": (low, high),
         "xtol": TOLERANCE,
@@ -145,12 +147,12 @@ def fit_nodes(
                 start = found[-1].theta
             try:
                 found.append(fit_model(test, NodesModel(places, continuation), start))
-            except FitFailedError as error:
+            except ValueError as error:
                 reasons = str(error)
         if found and min(one.chi2 for one in found) < NOISE_LEFT * test.strain.size:
             break
     if not found:
-        raise FitFailedError(reasons)
+        raise ValueError(reasons)
     return found
 
 
@@ -171,7 +173,7 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
             return fit_model(test, model, start)
         except ValueError as error:
             why = str(error)
-    raise FitFailedError(why)
+    raise ValueError(why)
 
 
 def model_weights(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
@@ -251,15 +253,16 @@ def on_refined_mesh(
     step would make its stress negative.
     """
     limit = near * max(test.strain.size, min(one.chi2 for one in found))
-    errors: list[MeshError | None] = []
+    simulated = []
     for one in found:
-        try:
-            errors.append(test.mesh_error(one.model, one.theta, one.made) if one.chi2 <= limit else None)
-        except ValueError:
-            errors.append(None)
-    changes = [error.stress for error in errors if error is not None]
+        fine = None
+        if one.chi2 <= limit:
+            with suppress(ValueError):  # no equilibrium on the refined mesh
+                fine = test.simulate(one.model, one.theta, refined=True, derivatives=False)
+        simulated.append(replace(one, mesh=fine))
+    changes = [one.mesh_change for one in simulated if one.mesh is not None]
     finer = test.refined(mesh_share(test.numerics) * local_rms(changes)) if changes else test
-    return [_refined_fit(*pair, test, finer) for pair in zip(found, errors, strict=True)], finer
+    return [_refined_fit(one, test, finer) for one in simulated], finer
 
 
 def mesh_share(numerics: CorrectionNumerics) -> float:
@@ -280,18 +283,13 @@ def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(np.sqrt((padded[:-2] + padded[1:-1] + padded[2:]) / 3.0))
 
 
-def _refined_fit(
-    one: ModelOptimum, error: MeshError | None, test: MeasuredSpecimen, finer: MeasuredSpecimen
-) -> ModelOptimum:
-    """One fit moved to the refined mesh. Its simulated test changes by `error`; None: it is not moved."""
+def _refined_fit(one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen) -> ModelOptimum:
+    """One fit moved to the refined mesh, if it was simulated there."""
     n = test.strain.size
-    coarse = replace(one, chi2=float(np.sum(finer.residual(one.made) ** 2)))
-    if error is None:
+    coarse = replace(one, chi2=float(np.sum(finer.residual(one.made) ** 2)), mesh=None)
+    if one.mesh is None:
         return coarse
-    rows = [(one.off + error.stress) / finer.noise]
-    if test.bulge is not None:
-        rows.append((one.made.bulge + error.bulge - test.bulge) / test.bulge_scale)
-    residual = np.concatenate(rows)
+    residual = finer.residual(one.mesh)
     jacobian = one.jacobian.copy()
     jacobian[:n] *= (test.noise / finer.noise)[:, None]
     prior = one.model.prior(test.own(one.theta))[0]
@@ -302,10 +300,5 @@ def _refined_fit(
         return coarse
     residual = residual + jacobian[: residual.size] @ (theta - one.theta)
     return replace(
-        one,
-        theta=theta,
-        jacobian=jacobian,
-        chi2=float(np.sum(residual**2)),
-        off=residual[:n] * finer.noise,
-        mesh=error,
+        one, theta=theta, jacobian=jacobian, chi2=float(np.sum(residual**2)), off=residual[:n] * finer.noise
     )

@@ -318,20 +318,6 @@ class FrictionCorrection:
 
 
 @dataclass(frozen=True)
-class MeshError:
-    """Change of a simulated test by the refined mesh."""
-
-    stress: FloatArray
-    """ln of the stress divided by that of the coarse mesh [-], shape [n]."""
-    bulge: FloatArray
-    """Radius at mid-height minus that of the coarse mesh [m], shape [n]."""
-    past: float = 0.0
-    """Share of the refined body that was strained past the end of the curve [-]."""
-    snaps: int = 0
-    """Number of jumps to another equilibrium on the refined mesh."""
-
-
-@dataclass(frozen=True)
 class MeasuredSpecimen:
     """A measured test of one specimen, and its simulation with any law."""
 
@@ -389,11 +375,6 @@ class MeasuredSpecimen:
             by_friction=derivatives and self.ends.law == "coulomb",
         )
 
-    def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
-        """Change of a test by the refined mesh. Raises ValueError if there is no equilibrium on it."""
-        fine = self.simulate(model, theta, refined=True, derivatives=False)
-        return MeshError(np.log(fine.stress / made.stress), fine.bulge - made.bulge, fine.past, fine.snaps)
-
     def refined(self, left: FloatArray) -> "MeasuredSpecimen":
         """The test with the refined mesh's error in its noise: `REFINED_STRESS`, and `left` [-]."""
         own = self.noise**2 - MODEL_STRESS**2
@@ -405,6 +386,14 @@ class MeasuredSpecimen:
         if self.bulge is not None:
             rows.append((made.bulge - self.bulge) / self.bulge_scale)
         return np.concatenate(rows)
+
+    def moved(self, gain: FloatArray, made: Compression, other: Compression) -> FloatArray:
+        """Change of the unknowns if the simulated test becomes another one [-], shape [n_unknowns].
+
+        ``gain``: change of the unknowns by a change of the residuals' data, `ModelOptimum.gain`.
+        """
+        rows = self.residual(other) - self.residual(made)
+        return np.asarray(-gain[:, : rows.size] @ rows)
 
     def jacobian(self, made: Compression, theta: FloatArray) -> FloatArray:
         """Their derivatives by all unknowns, shape [n or 2 n, n_unknowns]."""

@@ -114,37 +114,28 @@ def drucker(
     """The strain at which a law becomes unstable, in every mode."""
     if not 1.0 < most < float("inf"):
         raise ValueError(f"most must be > 1 and finite, got {most}")
-    log = np.linspace(0.0, np.log(most), POINTS)
-    paths = []
-    for mode, reach in ((Mode.UNIAXIAL, 1.0), (Mode.EQUIBIAXIAL, 0.5), (Mode.PLANAR, 1.0)):
-        paths.append(_path(law, mode, "tension", np.exp(reach * log), volume))
-        paths.append(_path(law, mode, "compression", np.exp(-reach * log), volume))
-    paths.append(_path(law, Mode.SIMPLE_SHEAR, "shear", 2.0 * np.sinh(log), volume))
-    return tuple(paths)
+    modes = ((Mode.UNIAXIAL, 1.0), (Mode.EQUIBIAXIAL, 0.5), (Mode.PLANAR, 1.0))
+    ends = [(mode, float(most ** (side * reach))) for mode, reach in modes for side in (1.0, -1.0)]
+    ends.append((Mode.SIMPLE_SHEAR, most - 1.0 / most))
+    return tuple(_path(law, *end, volume) for end in ends)
 
 
 def stable_over(
     law: Stretches, tests: Sequence[HomogeneousTest], *, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
     """Stability of a law, or of the compressible solid, from rest to the ends of tests in each direction."""
-    paths = []
-    for test in tests:
-        rest = test.mode.at_rest
-        for end in (float(test.deformation.min()), float(test.deformation.max())):
-            if abs(end - rest) < 1e-9:
-                continue
-            direction = "tension" if end > rest else "compression"
-            if test.mode is Mode.SIMPLE_SHEAR:
-                direction, way = "shear", 2.0 * np.sinh(np.linspace(0.0, np.arcsinh(0.5 * end), POINTS))
-            else:
-                way = np.exp(np.linspace(0.0, np.log(end), POINTS))
-            paths.append(_path(law, test.mode, direction, way, volume))
-    return tuple(paths)
+    ends = [(test.mode, float(end)) for test in tests for end in np.sort(test.deformation)[[0, -1]]]
+    return tuple(_path(law, *end, volume) for end in ends if abs(end[1] - end[0].at_rest) >= 1e-9)
 
 
-def _path(
-    law: Stretches, mode: Mode, direction: str, way: FloatArray, volume: VolumetricLaw | None = None
-) -> PathStability:
+def _path(law: Stretches, mode: Mode, end: float, volume: VolumetricLaw | None) -> PathStability:
+    """The path from rest to an end, equally spaced in ln(stretch)."""
+    if mode is Mode.SIMPLE_SHEAR:
+        direction, way = "shear", 2.0 * np.sinh(np.linspace(0.0, np.arcsinh(0.5 * end), POINTS))
+    else:
+        direction = "tension" if end > 1.0 else "compression"
+        way = np.exp(np.linspace(0.0, np.log(end), POINTS))
+
     def stiffness(at: FloatArray) -> FloatArray:
         if volume is None or mode is Mode.SIMPLE_SHEAR:  # which keeps the volume
             return least_stiffness(law, mode, at)
@@ -277,6 +268,8 @@ def compare_laws(
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")
     weighting = Weighting(weighting)
+    stretches = [np.stack(test.mode.principal_stretches(test.deformation)) for test in tests]
+    reach = max(FARTHEST, *(float(max(lam.max(), 1.0 / lam.min())) for lam in stretches))
     rows = []
     for done, candidate in enumerate(laws):
         progress(done)
@@ -296,18 +289,12 @@ def compare_laws(
         except ValueError as error:
             rows.append(Row(candidate, None, (), (), str(error)))
             continue
-        reach = max(FARTHEST, *(_farthest(test) for test in tests))
         volume = None if found.poisson is None else VolumetricLaw(found.bulk_modulus)
         everywhere = drucker(found.law, most=reach, volume=volume)
         rows.append(Row(candidate, found, everywhere, stable_over(found.law, tests, volume=volume)))
     progress(len(laws))
     rows.sort(key=lambda row: np.inf if row.fit is None else row.fit.aic)
     return Comparison(tuple(tests), weighting, bounded, poisson, tuple(rows))
-
-
-def _farthest(test: HomogeneousTest) -> float:
-    lam = np.stack(test.mode.principal_stretches(test.deformation))
-    return float(max(lam.max(), 1.0 / lam.min()))
 
 
 def _remoteness(path: PathStability) -> float:

@@ -35,16 +35,6 @@ def r_squared(residual: FloatArray, measured: FloatArray) -> float:
     return float(1.0 - (residual @ residual) / np.sum((measured - measured.mean()) ** 2))
 
 
-def aic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
-    """Akaike's criterion of n residuals with sum of squares `chi2` and k free constants, Eq. (Q.7)."""
-    return _deviance(chi2, n, known_noise) + 2.0 * k
-
-
-def bic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
-    """Schwarz's criterion, Eq. (Q.7)."""
-    return _deviance(chi2, n, known_noise) + k * log(n)
-
-
 def durbin_watson(residual: FloatArray) -> float:
     """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 if successive residuals are equal."""
     return float(np.sum(np.diff(residual) ** 2) / np.sum(residual**2))
@@ -67,13 +57,6 @@ def inflation(alike: float) -> float:
     """
     rho = min(max(alike, 0.0), LARGEST_LIKENESS)
     return (1.0 + rho) / (1.0 - rho)
-
-
-def _deviance(chi2: float, n: int, known_noise: bool) -> float:
-    if known_noise:
-        return chi2
-    # A fit without residuals is infinitely good, which no other number could express.
-    return n * log(chi2 / n) if chi2 > 0.0 else float("-inf")
 
 
 STARTS = 12
@@ -203,14 +186,21 @@ class Fit:
         return r_squared(whole, np.concatenate([part.test.stress for part in self.parts]))
 
     @property
+    def deviance(self) -> float:
+        """n ln(S / n), or chi-square if the noise is known; minus infinity without residuals [-]."""
+        if self.weighting is Weighting.SIGMA:
+            return self.chi2
+        return self.n * log(self.chi2 / self.n) if self.chi2 > 0.0 else float("-inf")
+
+    @property
     def aic(self) -> float:
-        """Akaike's criterion. Compare only laws fitted to the same points with the same weights."""
-        return aic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+        """Akaike's criterion, Eq. (Q.7). Compare only laws fitted to the same points and weights."""
+        return self.deviance + 2.0 * len(self.free)
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion; likewise."""
-        return bic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+        """Schwarz's criterion, Eq. (Q.7); likewise."""
+        return self.deviance + len(self.free) * log(self.n)
 
     @property
     def durbin_watson(self) -> float:
@@ -279,8 +269,7 @@ def fit_law(
     covariance, told_apart = _covariance(problem, found)
     at_bound = tuple(spec.name for spec, at in zip(problem.free, found.at_bound, strict=True) if at)
     outcome = FitOutcome.AT_BOUND if at_bound else FitOutcome.DETERMINED
-    moduli_alone = all(spec.unit == "Pa" for spec in problem.free)
-    if outcome is FitOutcome.DETERMINED and found.agreeing < 2 and not moduli_alone:
+    if outcome is FitOutcome.DETERMINED and found.agreeing < 2 and not problem.linear:
         outcome = FitOutcome.UNCONFIRMED
     ratio = problem.ratio(found.unknowns)
     return Fit(

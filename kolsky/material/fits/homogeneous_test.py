@@ -62,29 +62,6 @@ class HomogeneousTest:
         return self.mode.strain(self.deformation)
 
 
-def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str = "mean") -> HomogeneousTest:
-    """The mean of repeats of one test at equal steps from rest to the largest common strain."""
-    if not tests:
-        raise ValueError("no tests to average")
-    modes = {test.mode for test in tests}
-    if len(modes) > 1:
-        raise ValueError(f"only one mode can be averaged, got {', '.join(sorted(m.value for m in modes))}")
-    curves = [_outward(test) for test in tests]
-    signs = {sign for _, _, sign in curves}
-    if len(signs) > 1:
-        raise ValueError(f"{tests[0].name} and others are loaded in opposite directions: average each alone")
-    axis = np.linspace(max(e[0] for e, _, _ in curves), min(e[-1] for e, _, _ in curves), points)
-    values = np.array([np.interp(axis, strain, stress) for strain, stress, _ in curves])
-    sigma = values.std(axis=0, ddof=1) / np.sqrt(len(tests)) if len(tests) > 1 else None
-    return HomogeneousTest(
-        name=name,
-        mode=tests[0].mode,
-        deformation=tests[0].mode.at_rest + signs.pop() * axis,
-        stress=values.mean(axis=0),
-        sigma=sigma if sigma is not None and (sigma > 0.0).all() else None,
-    )
-
-
 def _outward(test: HomogeneousTest) -> tuple[FloatArray, FloatArray, float]:
     """Size of the strain from rest on, stress, sign of the strain."""
     strain = test.strain
@@ -264,11 +241,23 @@ def means_by_mode(tests: Sequence[HomogeneousTest], points: int) -> list[Homogen
     ``points``: strains at which they are averaged. Raises ValueError if repeats have too few strains in
     common.
     """
-    groups: dict[tuple[Mode, bool], list[HomogeneousTest]] = {}
+    groups: dict[tuple[Mode, float], list[tuple[str, FloatArray, FloatArray]]] = {}
     for test in tests:
-        groups.setdefault((test.mode, bool(test.strain.sum() > 0.0)), []).append(test)
+        size, stress, sign = _outward(test)
+        groups.setdefault((test.mode, sign), []).append((test.name, size, stress))
     made = []
-    for (mode, _), group in groups.items():
-        name = group[0].name if len(group) == 1 else f"mean of {len(group)} {mode.value}"
-        made.append(mean_test(group, points=points, name=name))
+    for (mode, sign), group in groups.items():
+        n = len(group)
+        axis = np.linspace(max(e[0] for _, e, _ in group), min(e[-1] for _, e, _ in group), points)
+        values = np.array([np.interp(axis, strain, stress) for _, strain, stress in group])
+        sigma = values.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else None
+        made.append(
+            HomogeneousTest(
+                name=group[0][0] if n == 1 else f"mean of {n} {mode.value}",
+                mode=mode,
+                deformation=mode.at_rest + sign * axis,
+                stress=values.mean(axis=0),
+                sigma=sigma if sigma is not None and (sigma > 0.0).all() else None,
+            )
+        )
     return made

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import linregress
 
 from explicit.materials import LAWS
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode
-from kolsky.material.fits.homogeneous_test import HomogeneousTest
+from kolsky.material.fits.homogeneous_test import HomogeneousTest, with_unique_names
 
 INITIAL = 0.05
 """End of the range of Young's modulus, as nominal strain [-]."""
@@ -63,10 +64,8 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
     x, y = strain[inside], stress[inside]
     if np.unique(x).size < FEWEST:
         return None
-    dx = x - x.mean()
-    slope = float(dx @ y / (dx @ dx))
-    rest = y - y.mean() - slope * dx
-    return Measured(slope, float(np.sqrt(rest @ rest / (x.size - 2) / (dx @ dx))))
+    line = linregress(x, y)
+    return Measured(float(line.slope), float(line.stderr))
 
 
 def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
@@ -124,22 +123,14 @@ def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
 
 
 @dataclass(frozen=True)
-class SpecimenProperties:
-    """Properties of one specimen."""
-
-    name: str
-    values: dict[str, float]
-    """Property -> value in SI. Properties that a test does not determine are missing."""
-
-
-@dataclass(frozen=True)
 class Healing:
     """Properties of both groups and their recovery by healing."""
 
-    undamaged: tuple[SpecimenProperties, ...]
-    """Specimens that were not cut."""
-    healed: tuple[SpecimenProperties, ...]
-    """Specimens that were cut and healed."""
+    undamaged: dict[str, dict[str, float]]
+    """Specimens that were not cut: name -> property -> value in SI. Properties that a test does
+    not determine are missing."""
+    healed: dict[str, dict[str, float]]
+    """Specimens that were cut and healed, in the same form."""
     units: dict[str, str]
     """Property -> SI unit, in the order of tables."""
     rows: dict[str, Recovery]
@@ -171,7 +162,10 @@ def healing(
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")
-    made = [[_properties(test, law, poisson) for test in group] for group in (undamaged, healed)]
+    made = [
+        {test.name: _properties(test, law, poisson) for test in with_unique_names(group)}
+        for group in (undamaged, healed)
+    ]
     units = {"Young's modulus to 5 %": "Pa"}
     units |= {spec.name: spec.unit for spec in LAWS[law].PARAMETERS}
     if poisson is not None:
@@ -180,9 +174,9 @@ def healing(
     rows: dict[str, Recovery] = {}
     remarks: list[str] = []
     for name in units:
-        before, after = ([one.values[name] for one in group if name in one.values] for group in made)
+        before, after = ([one[name] for one in group.values() if name in one] for group in made)
         for group, seen, word in zip(made, (before, after), ("undamaged", "healed"), strict=True):
-            lacking = [one.name for one in group if name not in one.values]
+            lacking = [specimen for specimen, one in group.items() if name not in one]
             if lacking and seen:
                 remarks.append(f"{word}: {', '.join(lacking)} shows no {name} and is not in its mean")
         if before and after and np.mean(before) > 0.0:
@@ -200,10 +194,10 @@ def healing(
                 f"one {word} specimen: the scatter of {word} specimens is unknown, and so is the "
                 "uncertainty of every efficiency"
             )
-    return Healing(tuple(made[0]), tuple(made[1]), units, rows, tuple(remarks))
+    return Healing(made[0], made[1], units, rows, tuple(remarks))
 
 
-def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
+def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> dict[str, float]:
     """Young's modulus, constants up to the fracture, and the fracture, as far as the test has them."""
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
         raise ValueError(f"{test.name} is not a uniaxial tensile test")
@@ -220,4 +214,4 @@ def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> Speci
         values["D1"] = fit.D1
     if broke is not None:
         values |= {"fracture stress": broke.stress, "fracture strain": broke.strain}
-    return SpecimenProperties(test.name, values)
+    return values

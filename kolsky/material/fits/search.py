@@ -98,6 +98,11 @@ class Residuals:
         constants = tuple(spec for spec in self.law.PARAMETERS if spec.name not in self.held)
         return (*constants, _FREE_POISSON) if self.free_poisson else constants
 
+    @property
+    def linear(self) -> bool:
+        """True if all unknowns are moduli. Least squares then have one minimum, and one start finds it."""
+        return all(spec.unit == "Pa" for spec in self.free)
+
     @cached_property
     def stress_scale(self) -> float:
         """Largest measured stress [Pa]."""
@@ -249,7 +254,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
     """
     lower, upper = bounds_of(residuals, bounded=bounded)
     known = []
-    if not bounded and not _linear(residuals):
+    if not bounded and not residuals.linear:
         try:
             known = [search(residuals, bounded=True, starts=starts, seed=seed).unknowns]
         except ValueError:
@@ -265,7 +270,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
         ends.sort(key=lambda end: end[0])
         agreeing = sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
-        if agreeing > 1 or _linear(residuals):
+        if agreeing > 1 or residuals.linear:
             break
     chi2, x = ends[0]
     if residuals.build(x).shear_modulus < _NO_MODULUS * residuals.stress_scale:
@@ -278,11 +283,6 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         unbounded = min(chi2, _refined(residuals, x, *wide, FINE, "3-point")[0])
     sums = tuple(end[0] for end in ends)
     return SearchResult(x, chi2, np.asarray(jacobian), tuple(map(bool, at)), sums, agreeing, unbounded)
-
-
-def _linear(residuals: Residuals) -> bool:
-    """True if all unknowns are moduli. Least squares then have one minimum, and one start finds it."""
-    return all(spec.unit == "Pa" for spec in residuals.free)
 
 
 def bounds_of(residuals: Residuals, *, bounded: bool) -> tuple[FloatArray, FloatArray]:

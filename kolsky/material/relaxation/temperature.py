@@ -22,7 +22,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.special import chdtrc
 
 from kolsky.base.arrays import FloatArray
-from kolsky.material.relaxation.evidence import DynamicTest
+from kolsky.material.relaxation.rate_fit import DynamicTest
 
 EQUAL_TEMPERATURES = 0.5
 """Temperatures are equal if they differ by less than this [K]."""
@@ -72,6 +72,11 @@ class TemperatureSweep:
         return np.array([group.mean() for group in np.split(ordered, steps + 1)])
 
     @property
+    def origin(self) -> int:
+        """Index of the reference among the levels."""
+        return int(np.abs(self.levels - self.reference).argmin())
+
+    @property
     def level(self) -> NDArray[np.int64]:
         """Index of the temperature of each oscillation, shape [n]."""
         return np.asarray(np.abs(self.temperature[:, None] - self.levels).argmin(axis=1))
@@ -119,7 +124,7 @@ class Superposition:
         """lg a_T by the law if it is valid, otherwise the free shifts [-], shape [n_levels]."""
         if not self.law_holds or self.C1 is None or self.C2 is None:
             return self.shifts
-        return wlf(self.sweep.levels - _reference(self.sweep), self.C1, self.C2)
+        return wlf(self.sweep.levels - self.sweep.levels[self.sweep.origin], self.C1, self.C2)
 
     def reduced(self) -> DynamicTest:
         """The oscillations at the reference temperature, at the frequencies a_T omega.
@@ -149,7 +154,7 @@ def superpose(sweep: TemperatureSweep) -> Superposition:
     Constants of Eq. (V.5) need three temperatures. With exactly three, they fit the shifts exactly, and the
     law cannot be tested.
     """
-    levels, held = sweep.levels, int(np.abs(sweep.levels - sweep.reference).argmin())
+    levels, held = sweep.levels, sweep.origin
     start = _begin(sweep, held)
     problem = _Problem(sweep, start)
     free = np.delete(np.arange(levels.size), held)
@@ -178,7 +183,7 @@ def _with_law(
     made: Superposition, problem: "_Problem", square: float, free: NDArray[np.int64]
 ) -> Superposition:
     """The constants of Eq. (V.5), and their residual relative to the free shifts."""
-    difference = made.sweep.levels - _reference(made.sweep)
+    difference = made.sweep.levels - made.sweep.levels[made.sweep.origin]
     d, lg = difference[free], made.shifts[free]
     # (T - T0) / lg a_T is a straight line in T - T0: -(C2 + T - T0) / C1.
     slope, constant = np.polyfit(d, d / np.where(lg == 0.0, 1e-12, lg), 1)
@@ -239,8 +244,3 @@ def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
     """Covariance of least squares, widened by the scatter; very large in directions without information."""
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
-
-
-def _reference(sweep: TemperatureSweep) -> float:
-    """The measured temperature used as reference [K]."""
-    return float(sweep.levels[int(np.abs(sweep.levels - sweep.reference).argmin())])

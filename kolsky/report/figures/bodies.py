@@ -210,7 +210,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
 def sheet_steps(view: SheetView, panels: Panels) -> str:
     fit, free = view.fit, view.fit.constants.free
     pad = MM * np.abs(fit.problem.data.pad)
-    by_u, by_f = fit.relative_by_displacement(1e-6), fit.relative_by_force(1e-3)
+    by_u, by_f = 1e-6 * fit.relative_by_displacement, 1e-3 * fit.relative_by_force
     for j, name in enumerate(free):
         ax = panels[name]
         scale = 1e-3 if fit.constants.free_specs[j].unit == "Pa" else 1.0

@@ -9,7 +9,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.compare import Comparison, PathStability, Row, Stability
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.reference_curve import ReferenceCurve
-from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
+from kolsky.material.relaxation.rate_fit import DynamicTest, HistoryTest
 from kolsky.material.relaxation.temperature import wlf
 from kolsky.material.uniaxial import gaussian_strain
 from kolsky.report.figures.base import (

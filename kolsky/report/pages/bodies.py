@@ -7,8 +7,7 @@ import numpy as np
 
 from explicit.materials.law import ParameterSpec
 from kolsky.bodies.actuator_bending import SearchEnd, relative_bend
-from kolsky.bodies.specimen_fit import ConstantVerdict
-from kolsky.bodies.specimen_studies import cross_table
+from kolsky.bodies.specimen_fit import ConstantVerdict, cross_table
 from kolsky.report.body_views import ActuatorView, SheetView, SpecimenView
 from kolsky.report.figures.base import BAR
 from kolsky.report.pages.rendering import draw_figures, render_page, sentences

@@ -169,11 +169,10 @@ def test_a_sphere_touches_the_outermost_points(tmp_path: Path) -> None:
 
 
 def test_the_slopes_of_a_sphere_are_those_of_its_force(tmp_path: Path) -> None:
-    spec = read_specification(_sphere(tmp_path, 'sphere = "4 mm"', 'apex = ["4 mm", "5 mm", "5 mm"]'))
+    spec = read_specification(_sphere(tmp_path, 'sphere = "4 mm"'))
     model, mu = spec.models["press"], spec.constants.start
     at = np.array([[-0.4e-3], [-0.8e-3]])
     found = model.linearised(spec.constants, mu, at)
-    assert not isinstance(found, str)
     assert (found.force < 0.0).all()
     # at a fixed Poisson's ratio all moduli are multiples of mu, and so is the force
     np.testing.assert_allclose(found.by_constants[..., 0] * mu[0], found.force, rtol=1e-5)
@@ -187,8 +186,6 @@ def test_the_slopes_of_a_sphere_are_those_of_its_force(tmp_path: Path) -> None:
     ("lines", "travel", "words"),
     [
         (['sphere = "4 mm"'], 0.8, "draws the sphere away from the body"),
-        (['sphere = "4 mm"', 'apex = ["5 mm", "5 mm", "4.5 mm"]'], -0.8, "0.5 mm inside the body"),
-        (['apex = ["5 mm", "5 mm", "5 mm"]'], -0.8, "no effect without a sphere"),
         (['sphere = "4 mm"', "frictionless = true"], -0.8, "slides without friction"),
     ],
 )

@@ -183,16 +183,21 @@ def test_a_bound_holds_and_is_said() -> None:
 def test_a_failed_simulation_shortens_the_step() -> None:
     tried = []
 
-    def respond(p: np.ndarray, at: tuple[np.ndarray, ...]) -> tuple[Linearised, ...] | str:
+    def respond(p: np.ndarray, at: tuple[np.ndarray, ...]) -> tuple[Linearised, ...]:
         tried.append(float(p[0]))
-        return "it folded" if 1.5 < p[0] < 1.9 and len(tried) < 4 else (_spring(p, at[0]),)
+        if 1.5 < p[0] < 1.9 and len(tried) < 4:
+            raise ValueError("it folded")
+        return (_spring(p, at[0]),)
+
+    def folded(p: np.ndarray, at: tuple[np.ndarray, ...]) -> tuple[Linearised, ...]:
+        raise ValueError("no way")
 
     samples = (_samples([1.0, 2.0, 3.0], [1.7, 3.4, 5.1], 0.0, 0.1),)
     found = search(respond, samples, np.array([1.0]), bounds=INFINITE, scales=np.array([1.0]))
     assert found.constants[0] == pytest.approx(1.7, rel=1e-4)
     assert found.simulations == len(tried) > 2
     with pytest.raises(ValueError, match="start failed: no way"):
-        search(lambda p, at: "no way", samples, np.array([1.0]), bounds=INFINITE, scales=np.array([1.0]))
+        search(folded, samples, np.array([1.0]), bounds=INFINITE, scales=np.array([1.0]))
 
 
 ROOT = Path(__file__).resolve().parents[3]

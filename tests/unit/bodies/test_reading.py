@@ -1,7 +1,6 @@
 """SPEC.toml: valid input, and every error message with its place and cure."""
 
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -9,15 +8,11 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.bodies import actuator_control
-from kolsky.bodies.actuator_control import basis_key
-from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.bodies.sheet_reading import read_field
 from kolsky.bodies.specimen_constants import Constants, constants_of, law_curve, solid_of
+from kolsky.bodies.specimen_fit import cross_table, expected, plan
 from kolsky.bodies.specimen_reading import read_specification
-from kolsky.bodies.specimen_studies import cross_table, expected, plan
 from kolsky.material.reference_curve import curve_columns, curve_table
-from tests.unit.bodies.small import DOWN, MOST, actuator
 
 STRIP = """
 [material]
@@ -132,7 +127,7 @@ def test_a_block_is_pushed_and_sheared(tmp_path: Path) -> None:
     assert across[0] == pytest.approx(-across[1], rel=1e-6)
     answer = model.linearised(NEO, NEO.start, steps[1:])
     assert answer.force[0, 0] == pytest.approx(across[1], rel=1e-6)
-    with pytest.raises(InputError, match=r"(?s)bond.*no effect on a block"):
+    with pytest.raises(InputError, match=r"(?s)bond.*no effect on a \"block\""):
         _read(tmp_path, BLOCK.replace("elements", 'bond = "2 mm"\nelements'))
     with pytest.raises(InputError, match=r"(?s)load.*belongs to shape"):
         _read(tmp_path, STRIP.replace("elements", 'load = "shear"\nelements'))
@@ -265,40 +260,6 @@ def test_meshes_of_other_formats(tmp_path: Path) -> None:
     for name, points in own.problem.sheet.mesh.sets.items():
         np.testing.assert_array_equal(points, other.problem.sheet.mesh.sets[name])
     np.testing.assert_array_equal(own.problem.sheet.mesh.points, other.problem.sheet.mesh.points)
-
-
-SECTION = ControlSection.model_construct(
-    angles=[0.02], hold=0.5, rate=20.0, gain=0.3, most=MOST, modes=4, tolerance=1e-3, snapshots=3,
-    plant_stiffness=0.85, delay=1, lag=0.05, noise=0.0, seed=1, real_time=False, error=0.05,
-)  # fmt: skip
-
-
-def test_a_stored_reduction_closes_the_same_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small, gravities = actuator(chambers=1), {"down": np.array(DOWN)}
-    folder = tmp_path / "kept" / "basis"  # there is none yet
-    first, made = actuator_control.run_control(small, gravities, SECTION, basis=folder)
-    monkeypatch.setattr(actuator_control, "reduce_actuator", None)  # it is not made again
-    second, again = actuator_control.run_control(small, gravities, SECTION, basis=folder)
-    assert np.array_equal(first["down"].pressure, second["down"].pressure)
-    assert again["down"].largest_error == made["down"].largest_error
-    (folder / "down.h5").write_bytes(b"no HDF5")
-    with pytest.raises(InputError, match="delete it"):
-        actuator_control.run_control(small, gravities, SECTION, basis=folder)
-
-
-def test_the_key_says_what_it_follows_from() -> None:
-    small = actuator(chambers=1)
-    own = basis_key(small, DOWN, SECTION, 9)
-    assert own == basis_key(actuator(chambers=1), DOWN, SECTION.model_copy(update={"rate": 200.0}), 9)
-    others = [
-        (replace(small, density=1021.0), DOWN, SECTION, 9),
-        (replace(small, solid=small.solid.with_parameters(1.1 * small.solid.parameters())), DOWN, SECTION, 9),
-        (actuator(chambers=1, wall=2.6e-3), DOWN, SECTION, 9),
-        (small, (0.0, 0.0, 9.81), SECTION, 9),
-        (small, DOWN, SECTION.model_copy(update={"plant_stiffness": 0.9}), 9),
-        (small, DOWN, SECTION, 8),
-    ]
-    assert own not in {basis_key(*other) for other in others}
 
 
 NEO = Constants("neo_hookean", {"mu": 2.0e4, "poisson": 0.45}, ("mu",))

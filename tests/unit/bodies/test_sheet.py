@@ -12,8 +12,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.bodies import sheet_fit
 from kolsky.bodies.sheet import ENDS, Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.bodies.sheet_checks import (
-    LackingFactor,
     _force_counts,
+    agrees,
     fit_measured,
     interpolated,
     lacking_factor,
@@ -32,7 +32,6 @@ from kolsky.bodies.sheet_fit import (
     relative_deviation,
     secant,
     smoothed,
-    variance,
     with_other_starts,
 )
 from kolsky.bodies.sheet_reading import (
@@ -60,7 +59,6 @@ def _sheet(**options: object) -> Sheet:
 
 def _cost(problem: FieldProblem, values: FloatArray) -> Cost:
     cost = problem.cost(values)
-    assert not isinstance(cost, str)
     return cost
 
 
@@ -90,7 +88,6 @@ def test_cells_inside_take_whole_cells() -> None:
 
 def test_the_sheet_in_tension_pulls_back() -> None:
     state = sheet_state(_sheet(), constants(), constants().start, -PAD)
-    assert not isinstance(state, str)
     assert (state.force < 0.0).all()  # the pad goes to -x and so does the force on the sheet there
     # Under prescribed displacements the force is proportional to E and the field does not see it.
     assert state.force_by_constants[:, 0] == pytest.approx(state.force / TRUE["E"], rel=1e-6)
@@ -178,7 +175,7 @@ def test_a_constant_on_its_bound_is_held_and_said() -> None:
     assert found.sigma[0] > 0.0
     assert found.sigma[1] == 0.0
     assert "poisson is at its bound" in found.warnings[0]
-    assert (found.relative_by_force(1.0)[:, 1] == 0.0).all()
+    assert (found.relative_by_force[:, 1] == 0.0).all()
 
 
 def test_misfit_noise_and_scales_in_closed_form() -> None:
@@ -371,9 +368,7 @@ def test_change_is_that_of_least_squares() -> None:
 
 def test_variance_adds_squares() -> None:
     change = np.array([[3.0, 4.0], [1.0, -2.0]])
-    assert variance(change, 0.1) == pytest.approx([0.25, 0.05])
-    assert variance(change, np.array([1.0, 2.0])) == pytest.approx([73.0, 17.0])
-    assert relative_deviation(change, 0.1, np.array([-5.0, 1.0])) == pytest.approx([0.1, np.sqrt(0.05)])
+    assert relative_deviation(change, np.array([-5.0, 1.0])) == pytest.approx([1.0, np.sqrt(5.0)])
 
 
 def test_a_direction_that_is_not_seen_is_refused() -> None:
@@ -382,7 +377,7 @@ def test_a_direction_that_is_not_seen_is_refused() -> None:
     with pytest.raises(ValueError, match="does not depend"):
         parameter_change(np.diag([1.0, 0.0]), np.ones((2, 3)))
     with pytest.raises(ValueError, match="zero"):
-        relative_deviation(np.ones((1, 2)), 1.0, np.array([0.0]))
+        relative_deviation(np.ones((1, 2)), np.array([0.0]))
 
 
 def test_smoothed_field_integrates_to_the_change() -> None:
@@ -445,12 +440,12 @@ def test_error_of_a_mesh_over_a_parabola() -> None:
 def test_the_factor_that_a_force_lacks() -> None:
     measured, simulated = np.array([3.0, 4.0]), np.array([-6.0, -8.0])
     found = lacking_factor(measured, simulated, np.diag([0.01, 0.04]), 0.5)
-    assert found.value == pytest.approx(-2.0)
-    assert found.sigma == pytest.approx(np.sqrt(9.0 * 0.01 + 16.0 * 0.04 + 4.0 * 0.25 * 25.0) / 25.0)
-    assert LackingFactor(2.0 * 1.049, 0.0).near(2.0)  # 5 % of the factor counts as explained
-    assert not LackingFactor(2.0 * 1.051, 0.0).near(2.0)
-    assert LackingFactor(-0.85, 0.08).near(-1.0)
-    assert not LackingFactor(-0.75, 0.08).near(-1.0)
+    assert found[0] == pytest.approx(-2.0)
+    assert found[1] == pytest.approx(np.sqrt(9.0 * 0.01 + 16.0 * 0.04 + 4.0 * 0.25 * 25.0) / 25.0)
+    assert agrees(2.0 * 1.049, 0.0, 2.0)  # 5 % of the factor counts as explained
+    assert not agrees(2.0 * 1.051, 0.0, 2.0)
+    assert agrees(-0.85, 0.08, -1.0)
+    assert not agrees(-0.75, 0.08, -1.0)
 
 
 @pytest.fixture(scope="module")
@@ -528,7 +523,6 @@ def test_two_regions_are_free_at_once() -> None:
     both = Constants("neo_hookean_coupled", values, tuple(values), ("stiff",))
     sheet = _sheet(regions=half_held().regions)
     state = sheet_state(sheet, both, both.start, -PAD)
-    assert not isinstance(state, str)
     cells = np.ones(len(sheet.mesh.cells), dtype=bool)
     data = FieldData(-PAD, state.force, state.displacements, cells, 1e-6, 1e-5, 1e-5)
     start = Constants(
@@ -546,11 +540,11 @@ def test_a_translation_that_is_not_measured_changes_nothing(two_materials: Field
     problem = _with(two_materials, displacements=two_materials.data.displacements + shift, floating=True)
     data, found = problem.data, fit_field(problem)
     assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-5)
-    np.testing.assert_allclose(found.translation, shift, atol=1e-12)
+    np.testing.assert_allclose(problem.translation(found.cost.state), shift, atol=1e-12)
     still = fit_field(two_materials)
     assert found.misfit == pytest.approx(still.misfit, abs=1e-6)
     assert found.noise == pytest.approx(still.noise, rel=1e-4)  # relative to the same displacements
-    assert not still.translation.any()
+    assert not two_materials.translation(still.cost.state).any()
     # one mean a step and component is spent: sum of |u - mean|^2 / (n - 1)
     spent = 2.0 * float(problem.mass.sum()) * 2 / data.area - 2.0 * 2
     cost = replace(found.cost, displacement=np.array([5e4, 0.0]) * data.area * data.sigma_displacement**2)

@@ -15,7 +15,6 @@ from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import Mesh, box
 from kolsky.equilibrium.model import Model, Prescribed
 from kolsky.equilibrium.point_kernels import mat99
-from kolsky.equilibrium.points import Points
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import (
     VOLUMETRIC_PARAMETERS,
@@ -290,21 +289,6 @@ MODELS = {
     "axisymmetric": clamped("quad8", "axisymmetric"),
     "3d": clamped("hex8", "3d"),
 }
-
-
-@pytest.mark.slow  # compiles kernels that a CPU has no other use for
-@pytest.mark.parametrize("name", ["plane stress", "3d"])
-def test_kernels_sum_what_blas_sums(name, monkeypatch):
-    model = MODELS[name]
-    equations = Equations(model, model.parameters())
-    u = np.random.default_rng(2).normal(scale=0.02, size=model.n_dofs)
-    by_blas = equations.evaluate(u, {"pull": 0.0})
-    stiffness = equations.stiffness(by_blas)
-    monkeypatch.setattr(Points, "_by_blas", Points._on_device)
-    by_kernels = equations.evaluate(u, {"pull": 0.0})
-    np.testing.assert_allclose(by_kernels.body.forces, by_blas.body.forces, atol=1e-9)
-    np.testing.assert_allclose(equations.stiffness(by_kernels), stiffness, rtol=1e-9, atol=1e-8)
-    np.testing.assert_allclose(stiffness, np.swapaxes(stiffness, 1, 2), atol=1e-8)
 
 
 def test_stiffness_is_the_derivative_of_the_forces():

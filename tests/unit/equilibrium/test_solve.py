@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 from scipy.sparse import coo_array
-from scipy.sparse.linalg import LinearOperator
 
 from benchmarks.equilibrium import SIZE, felupe, strip
 from explicit.materials import LAWS
 from kolsky.equilibrium.linear.base import Pattern, SingularError
-from kolsky.equilibrium.linear.solvers import AGED, Hierarchy, MultifrontalSolver, SparseSolver, linear_solver
+from kolsky.equilibrium.linear.solvers import MultifrontalSolver, SparseSolver, linear_solver
 from kolsky.equilibrium.meshes import box, rectangle
 from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidSurface
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
@@ -109,7 +108,7 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: sliding(extra=(Fixed("right", (7,)),)).unknowns, "axis of"),
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
         (lambda: Newton(tolerance=1.0), "tolerance must be"),
-        (lambda: Newton(iterations=0), "must be >= 1"),
+        (lambda: Newton(halvings=-1), "must be >= 0"),
         (lambda: solve(sliding(extra=(RigidSurface("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
         (lambda: solve(sliding(extra=(RigidSurface("right", (1.0,), (1.0, 0.0)),))),
          "must have 2 components"),
@@ -355,50 +354,6 @@ def test_what_only_guides_is_solved_loosely():
         rough = solver.factors(K.astype(np.float32), symmetric=True).solve(right)
         apart = np.abs(rough - exact).max() / np.abs(exact).max()
         assert 0.0 < apart < allowed
-
-
-def test_a_hierarchy_serves_later_matrices_until_it_has_aged():
-    """By hand: dropped beyond AGED times the iterations of its first solution to the same tolerance."""
-    pytest.importorskip("pyamg")
-    hierarchy = Hierarchy(np.ones((4, 1)))
-    hierarchy._levels = object()
-    for tolerance, first in ((1e-3, 7), (1e-10, 20)):
-        hierarchy.served(first, tolerance)
-        hierarchy.served(int(AGED * first), tolerance)
-        assert hierarchy.made
-    hierarchy.served(int(AGED * 7) + 1, 1e-10)
-    assert hierarchy.made
-    hierarchy.served(int(AGED * 7) + 1, 1e-3)
-    assert not hierarchy.made
-
-    places, K = pattern(), elements("definite")
-    solver = linear_solver("amg", places, LINEAR_MESH.points, LINEAR_MESH.cells)
-    right = np.random.default_rng(1).normal(size=places.count)
-    first = solver.factors(K, symmetric=True)
-    first.solve(right)
-    stiffer = solver.factors(3.0 * K, symmetric=True)
-    assert stiffer._hierarchy is first._hierarchy
-    assert stiffer._hierarchy.made
-    np.testing.assert_allclose(3.0 * stiffer.solve(right), first.solve(right), rtol=1e-6, atol=1e-12)
-
-
-def test_a_hierarchy_that_misleads_is_made_again(monkeypatch):
-    """A preconditioner of another body does not converge; a new one of the matrix does."""
-    pytest.importorskip("pyamg")
-    places, K = pattern(), elements("definite")
-    right = np.random.default_rng(1).normal(size=places.count)
-    solver = linear_solver("amg", places, LINEAR_MESH.points, LINEAR_MESH.cells)
-    factors = solver.factors(K, symmetric=True)
-    expected = factors.solve(right)
-
-    class Misleading:
-        def aspreconditioner(self):
-            sign = np.where(np.arange(places.count) % 2, 1.0, -1.0)
-            return LinearOperator((places.count, places.count), matvec=lambda x: sign * x.ravel())
-
-    factors._hierarchy._levels = Misleading()
-    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.ITERATIONS", 60)
-    np.testing.assert_allclose(factors.solve(right), expected, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize("entries", [20_000_000, 500])

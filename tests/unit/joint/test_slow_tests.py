@@ -13,8 +13,7 @@ from explicit.relaxation import PronySeries, prony_stress
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.errors import InputError
 from kolsky.inverse.slow_tests import read_slow_list, read_slow_tests, slow_measured, slow_predicted
-from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
-from kolsky.material.relaxation.rate_fit import apparent_moduli
+from kolsky.material.relaxation.rate_fit import DynamicTest, HistoryTest, apparent_moduli
 from kolsky.material.relaxation.temperature import wlf
 from kolsky.report.canvas import build
 from kolsky.report.figures import RELAXATIONS

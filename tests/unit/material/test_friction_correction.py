@@ -17,7 +17,6 @@ from kolsky.material.end_friction.correct import (
     _range_drift,
     cause_of_misfit,
     correct_friction,
-    mesh_change,
     range_drift,
     slow_change,
     slow_error,
@@ -71,7 +70,7 @@ def found(test, off=0.0, theta=0.0, refined=True):
     made = test.simulate(model, x)
     J = np.ones((N, 1)) / test.noise[:, None]
     missed = np.log(made.stress / test.stress)
-    mesh = test.mesh_error(model, x, made) if refined else None
+    mesh = test.simulate(model, x, refined=True) if refined else None
     return ModelOptimum(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), missed, mesh)
 
 
@@ -168,16 +167,15 @@ def test_a_fit_moves_to_its_own_refined_mesh():
     np.testing.assert_allclose(finer.noise, noise)
     np.testing.assert_allclose(moved.theta, [FINER], rtol=1e-12)
     np.testing.assert_allclose(moved.jacobian, 1.0 / noise)
-    np.testing.assert_allclose(moved.mesh.stress, -FINER)
+    np.testing.assert_allclose(moved.mesh_change, -FINER)
     assert (moved.chi2, moved.misfit) == (pytest.approx(0.0, abs=1e-20), pytest.approx(0.0, abs=1e-12))
 
 
 def test_what_a_mesh_does_beside_the_law_is_left_in_the_misfit():
     """A mesh's force that wavers by +- a about its mean: the one unknown takes the mean, a is left."""
     a = np.where(np.arange(N) % 2, 0.003, -0.003)
-    test = made_test()
-    one = replace(found(test, refined=False), off=a)
-    (moved,), finer = on_refined_mesh([one], test)
+    test = replace(made_test(), stress=1.3e4 * STRAIN * np.exp(-a))
+    (moved,), finer = on_refined_mesh([found(test, refined=False)], test)
     assert moved.misfit == pytest.approx(0.003, rel=1e-12)
     assert moved.chi2 == pytest.approx(N * (0.003 / finer.noise[0]) ** 2, rel=1e-12)
 
@@ -259,7 +257,8 @@ def test_the_size_of_a_mesh_error_is_its_root_mean_square_over_laws_and_neighbou
 
 def test_constants_move_with_the_mesh():
     test = made_test()
-    assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
+    one = found(test)
+    assert test.moved(one.gain, one.made, one.mesh) == pytest.approx([FINER], rel=1e-9)
 
 
 def test_a_constant_whose_interval_reaches_zero_is_not_determined():

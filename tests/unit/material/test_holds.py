@@ -13,9 +13,12 @@ from kolsky.base.errors import InputError
 from kolsky.material.fits.columns import Columns
 from kolsky.material.fits.homogeneous_test import read_homogeneous_test, turning_point
 from kolsky.material.reference_curve import Treatment, reference_curve
-from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import (
     ApparentModuli,
+    DynamicTest,
+    Evidence,
+    HistoryTest,
+    RateModel,
     apparent_moduli,
     fit_prony,
     fitted_modulus,

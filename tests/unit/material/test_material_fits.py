@@ -10,7 +10,7 @@ from kolsky.material.fits import fit
 from kolsky.material.fits.compare import candidates, compare_laws
 from kolsky.material.fits.fit import FitOutcome, fit_law
 from kolsky.material.fits.homogeneous import Mode, compressible_stress, incompressible_stress
-from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
+from kolsky.material.fits.homogeneous_test import HomogeneousTest, means_by_mode
 from kolsky.material.fits.search import Weighting
 
 STRETCH = np.concatenate([np.linspace(0.5, 0.97, 16), np.linspace(1.03, 1.6, 16)])
@@ -205,9 +205,12 @@ def test_criteria_by_hand():
     r, T = np.array([1.0, -1.0, 2.0]), np.array([1.0, 2.0, 6.0])
     assert fit.rmse(r) == pytest.approx(np.sqrt(2.0))
     assert fit.r_squared(r, T) == pytest.approx(1.0 - 6.0 / 14.0)
-    assert fit.aic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 4.0)
-    assert fit.bic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
-    assert fit.aic(6.0, 3, 2, known_noise=True) == 10.0
+    made = replace(
+        fit_law(LAWS["yeoh"], planted(LAWS["yeoh"](1e4, 0.0, 0.0))), chi2=6.0, n=3, free=("a", "b")
+    )
+    assert made.aic == pytest.approx(3.0 * np.log(2.0) + 4.0)
+    assert made.bic == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
+    assert replace(made, weighting=Weighting.SIGMA).aic == 10.0
     assert fit.durbin_watson(r) == pytest.approx((4.0 + 9.0) / 6.0)
 
 
@@ -234,17 +237,18 @@ def test_a_comparison_orders_judges_and_explains():
 def test_repeats_by_hand():
     lam = np.linspace(1.0, 0.5, 26)
     tests = [HomogeneousTest(f"t{k}", Mode.UNIAXIAL, lam, (1.0 + 0.1 * k) * (lam - 1.0)) for k in (-1, 0, 1)]
-    made = mean_test(tests, points=11)
+    (made,) = means_by_mode(tests, 11)
     np.testing.assert_allclose(made.deformation, np.linspace(1.0, 0.5, 11))
     np.testing.assert_allclose(made.stress, made.deformation - 1.0, atol=1e-15)
     assert made.sigma is None  # at rest all tests agree: a sigma of zero weights nothing
-    inner = mean_test([replace(t, deformation=t.deformation[5:], stress=t.stress[5:]) for t in tests])
+    later = [replace(t, deformation=t.deformation[5:], stress=t.stress[5:]) for t in tests]
+    (inner,) = means_by_mode(later, 200)
     np.testing.assert_allclose(inner.sigma, 0.1 * np.abs(inner.stress) / np.sqrt(3.0))
-    with pytest.raises(ValueError, match="opposite directions"):
-        mean_test([tests[0], HomogeneousTest("pull", Mode.UNIAXIAL, 2.0 - lam, 1.0 - lam)])
+    pull = HomogeneousTest("pull", Mode.UNIAXIAL, 2.0 - lam, 1.0 - lam)
+    assert [test.name for test in means_by_mode([*tests, pull], 11)] == ["mean of 3 uniaxial", "pull"]
     back = HomogeneousTest("back", Mode.UNIAXIAL, np.append(lam, 0.7), np.append(lam, 0.7) - 1.0)
     with pytest.raises(ValueError, match=r"back: the strain goes back at point 26 \(-0.5 to -0.3\)"):
-        mean_test([back])
+        means_by_mode([back], 11)
 
 
 @pytest.mark.parametrize(

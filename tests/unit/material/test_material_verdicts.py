@@ -15,8 +15,7 @@ from kolsky.material.fits.fit import FitOutcome
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.reference_curve import Treatment, reference_curve
 from kolsky.material.relaxation import rate_fit as prony_fit
-from kolsky.material.relaxation.evidence import HistoryTest, RateModel
-from kolsky.material.relaxation.rate_fit import RateFit, RateVerdict, apparent_moduli
+from kolsky.material.relaxation.rate_fit import HistoryTest, RateFit, RateModel, RateVerdict, apparent_moduli
 from kolsky.material.uniaxial import (
     CurveBand,
     Toe,

@@ -13,8 +13,7 @@ from explicit.materials import LAWS, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
 from kolsky import joint_identification
 from kolsky.cli.material_curves import _joint_comparison
-from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest, RateModel
-from kolsky.material.relaxation.rate_fit import required_branches
+from kolsky.material.relaxation.rate_fit import DynamicTest, HistoryTest, RateModel, required_branches
 from kolsky.studies import rate_models
 from kolsky.studies.rate_models import (
     CURVE,

@@ -29,7 +29,7 @@ def made(monkeypatch: pytest.MonkeyPatch, order: float, size: float) -> list[flo
     def runs(law: Any, specimen: Any, strain: Any, *, numerics: SlowNumerics, **_: Any) -> Any:
         asked.append(numerics.passages)
         wrong = size * np.array([10.0, 1.0, 0.5]) / numerics.passages**order
-        return SimpleNamespace(stress=STATIC * (1.0 + wrong), bulge=np.full(3, 5e-3))
+        return module.SlowRun(STATIC * (1.0 + wrong), np.full(3, 5e-3), 0.0, 0.0, 0.0)
 
     monkeypatch.setattr(module, "slow_run", runs)
     return asked
@@ -49,8 +49,8 @@ def test_an_error_of_first_order_is_found_and_met(monkeypatch: pytest.MonkeyPatc
     truth = 1.2 / asked[-1]
     assert found.errors[-1] == pytest.approx(truth, rel=0.02)
     assert found.error[0] == pytest.approx(10.0 * truth, rel=0.03)  # the outset is not what is judged
-    np.testing.assert_allclose(found.stress[1], STATIC[1] * (1.0 + truth))
-    np.testing.assert_allclose(found.force, found.stress * np.pi * 4.75e-3**2)
+    np.testing.assert_allclose(found.test.stress[1], STATIC[1] * (1.0 + truth))
+    np.testing.assert_allclose(found.force, found.test.stress * np.pi * 4.75e-3**2)
 
 
 def test_an_error_of_second_order_is_never_below_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +63,7 @@ def test_an_error_of_second_order_is_never_below_the_truth(monkeypatch: pytest.M
 
 def test_a_force_is_proportional_to_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     made(monkeypatch, 1.0, 0.0)
-    np.testing.assert_allclose(compress(stiffness_factor=1.12).stress, 1.12 * STATIC)
+    np.testing.assert_allclose(compress(stiffness_factor=1.12).test.stress, 1.12 * STATIC)
 
 
 def test_what_cannot_be_reached_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +116,7 @@ def test_any_law_without_friction_is_its_closed_form(name: str) -> None:
     exact = -uniaxial_stress(law, 1.0 - strain)
     assert found.errors[-1] <= 5e-3
     # The wanted error, and a compressibility of 1 - 2 nu = 0.002.
-    np.testing.assert_allclose(found.stress, exact, rtol=5e-3 + 3e-3)
+    np.testing.assert_allclose(found.test.stress, exact, rtol=5e-3 + 3e-3)
     assert isinstance(law, InvariantLaw) == (name == "gent")
 
 
