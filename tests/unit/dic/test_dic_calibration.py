@@ -595,7 +595,7 @@ def test_too_few_points_are_refused(n):
 
 def test_points_left_out_take_no_part():
     """Every second point moved by 3 px: fitted to the others, a pose says so; fitted to themselves, less."""
-    _, pixels, sigma = seen(RIG, n=100)
+    _, pixels, sigma = seen(RIG)
     pixels[1][::2, 1] += 3.0
     found = refine(RIG, *pixels, sigma)
     # each half fits its own points; the other half is then 3 px off
