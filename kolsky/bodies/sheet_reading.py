@@ -56,7 +56,7 @@ def read_field(spec: Specification) -> MeasuredField:
     assert section is not None  # checked by the caller
     folder = toml.path.parent
     raw = read_mesh(folder / section.mesh, dimension=2)
-    sheet, constants = _sheet(toml, section, spec.constants, raw)
+    sheet, constants = _sheet(spec, section, raw)
     hashes: dict[str, str] = {}
     hashes[section.mesh] = raw.sha256
     points, displacements, hashes[section.points.file] = _points(toml, section)
@@ -132,10 +132,9 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
     return replace(measured, problem=changed, left_out=left_out)
 
 
-def _sheet(
-    toml: TomlFile, section: FieldSection, constants: Constants, raw: MeshFile
-) -> tuple[Sheet, Constants]:
+def _sheet(spec: Specification, section: FieldSection, raw: MeshFile) -> tuple[Sheet, Constants]:
     """The sheet, and the constants with those of its other regions."""
+    toml, constants = spec.toml, spec.constants
     groups, curves = raw.cell_groups, raw.groups
     sets = {}
     for key, names in (("moving", section.moving), ("fixed", section.fixed)):
@@ -170,7 +169,7 @@ def _sheet(
         )
     axis = "xy".index(section.axis)
     sheet = Sheet(
-        mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held, turned=turned
+        mesh, section.kinematics, section.thickness, moving, fixed, axis, regions, held, spec.device, turned
     )
     return sheet, constants
 

@@ -259,6 +259,8 @@ class Specification:
     """Measurements of the tests with a file."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
+    device: str = "cpu"
+    """Device of the element kernels."""
 
     @property
     def name(self) -> str:
@@ -319,7 +321,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
                 f"does not end between two elements, which are {1e3 * step:g} mm long",
                 cure="choose elements so that the bond is a whole number of them",
             )
-    return Specification(toml, declared, constants, models, samples, inputs)
+    return Specification(toml, declared, constants, models, samples, inputs, device)
 
 
 def _shape_of(section: TestSection, element: str, density: float | None, body: Mesh | None) -> Shape:

@@ -213,7 +213,8 @@ def _field_folder(folder: Path) -> None:
 
 def test_a_sheet_with_its_points(tmp_path: Path) -> None:
     _field_folder(tmp_path)
-    found = read_field(read_specification(tmp_path / "sheet.toml"))
+    found = read_field(read_specification(tmp_path / "sheet.toml", device="cuda:0"))
+    assert found.problem.sheet.device == "cuda:0"
     data, mesh = found.problem.data, found.problem.sheet.mesh
     assert mesh.points.max(axis=0) == pytest.approx([8e-3, 4e-3])
     assert len(mesh.cells) == 64
