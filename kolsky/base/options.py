@@ -6,8 +6,6 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from dic.basics import check_interval
-
 COMMAND_LINE = Path("command line")
 """Place of an `InputError` about an option."""
 
@@ -47,6 +45,8 @@ class Option:
 
 def check_options(settings: Any) -> None:
     """Raise ValueError for a field of settings outside the range of its option or the choices of its type."""
+    from dic.basics import check_interval  # NumPy, which `--help` does not need
+
     for field in fields(settings):
         value, (kind, *more) = getattr(settings, field.name), get_args(field.type) or (field.type,)
         if value is None:
