@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 from typing import Literal
 
-from dic.basics import check_interval
-
 HOLDING_LAW = "bonded"
 """Contact law of faces that neither slide nor separate."""
 LIFTING_LAW = "rough"
@@ -22,6 +20,13 @@ INCOMPRESSIBLE = 0.49998
 `LARGEST_POISSON`, less than all its points together resolve. With 0.4999 it differs by 0.6 um."""
 INCOMPRESSIBLE_WORD = "incompressible"
 """Its name in shot.toml and on the command line."""
+
+
+def check_interval(allowed: str, **values: float) -> None:
+    """`dic.basics.check_interval`, imported when called: `--help` needs no NumPy."""
+    from dic import basics
+
+    basics.check_interval(allowed, **values)
 
 
 @dataclass(frozen=True)

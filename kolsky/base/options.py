@@ -45,8 +45,6 @@ class Option:
 
 def check_options(settings: Any) -> None:
     """Raise ValueError for a field of settings outside the range of its option or the choices of its type."""
-    from dic.basics import check_interval  # NumPy, which `--help` does not need
-
     for field in fields(settings):
         value, (kind, *more) = getattr(settings, field.name), get_args(field.type) or (field.type,)
         if value is None:
@@ -55,8 +53,12 @@ def check_options(settings: Any) -> None:
         if literal and value not in literal[0]:
             raise ValueError(f"{field.name} must be one of {', '.join(literal[0])}, got {value!r}")
         for option in more:
-            if isinstance(option, Option) and option.min is not None:
-                check_interval(f"[{option.min:g}, {option.max or inf:g}]", **{field.name: value})
+            if not isinstance(option, Option) or option.min is None:
+                continue
+            most = option.max or inf  # not by NumPy, which `--help` does not need
+            if not option.min <= value <= most:
+                allowed = f"[{option.min:g}, {most:g}]"
+                raise ValueError(f"{field.name} must be in {allowed}, got {value:g}")
 
 
 NUMERICAL = "Mesh and solver"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Literal
 
-from dic.basics import check_interval
+from kolsky.base.apparatus import check_interval
 from kolsky.base.errors import InputError
 from kolsky.base.options import ADVANCED, COMMAND_LINE, NUMERICAL, TOGETHER, Option, check_options
 from kolsky.inverse.parameters import PARAMETERS
