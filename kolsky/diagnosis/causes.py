@@ -326,7 +326,10 @@ def _freed_poisson(search: CauseSearch, candidates: Sequence[Cause]) -> list[Bes
     wide = InverseProblem.freeing(problem.prepared, replace(problem.freed, settings=freed))
     start = np.clip(wide.declared, wide.box.lower, wide.box.upper)
     start[: len(search.x)] = search.x
-    found = search_meshes(Runner.of(wide, search.runner.work), start).optima[wide.numerics.mesh].x
+    try:
+        found = search_meshes(Runner.of(wide, search.runner.work), start).optima[wide.numerics.mesh].x
+    except (ValueError, ArithmeticError):  # no run of the scan completed: the other causes remain
+        return []
     x = search.clipped(found[:-1] - search.runner.offset(wide.numerics.mesh))
     trial = Trial(held, x, held.coordinate(float(found[-1])), search.before, search.left)
     return [Best(t, t, search).renewed(search) for t in search.measured([trial])]

@@ -62,3 +62,13 @@ def test_its_start_is_the_answer_and_its_end_is_that_of_the_refined_mesh(
 def test_a_free_ratio_is_not_searched_again(monkeypatch: pytest.MonkeyPatch) -> None:
     others = [c for c in causes.causes() if c.key != POISSON]
     assert _freed_poisson(held(monkeypatch, {}), others) == []
+
+
+def test_a_scan_without_a_run_leaves_the_other_causes(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = held(monkeypatch, {})
+
+    def fails(runner: Any, start: np.ndarray) -> Any:
+        raise ValueError("no run of the design completed")
+
+    monkeypatch.setattr(causes, "search_meshes", fails)
+    assert _freed_poisson(search, causes.causes()) == []
