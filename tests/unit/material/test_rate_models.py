@@ -86,6 +86,18 @@ def test_a_law_that_is_wrong_in_strain_is_no_rate_dependence() -> None:
     assert fit_curve(histories(PRONY, 6)).deviance > 10.0 * 80.0
 
 
+def test_the_curve_weighs_each_value_by_its_own_noise() -> None:
+    """One piece of a cubic spline is a cubic: its deviance is that of a weighted polynomial."""
+    rng = np.random.default_rng(4)
+    stretch, sigma = np.linspace(1.0, 0.7, 30), np.geomspace(10.0, 300.0, 30)
+    stress = 1e4 * (stretch - stretch**-2) + sigma * rng.standard_normal(30)
+    found = fit_curve((HistoryTest(np.linspace(0.0, 1.0, 30), stretch, stress, sigma),))
+    assert found.parameters == 4
+    cubic = np.polyfit(stretch - 0.85, stress, 3, w=1.0 / sigma)
+    left = (np.polyval(cubic, stretch - 0.85) - stress) / sigma
+    assert found.deviance == pytest.approx(float(left @ left), rel=1e-9)
+
+
 def test_the_curve_is_no_rival_of_the_law() -> None:
     elastic, curve = CANDIDATES[0], Candidate(CURVE, 4, 95.0, {})
     assert ModelComparison((elastic, curve), 20, 1.0, {}).chosen is elastic
