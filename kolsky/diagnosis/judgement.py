@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
 
@@ -14,7 +15,14 @@ from kolsky.diagnosis.causes import (
     with_likely,
 )
 from kolsky.diagnosis.fit_quality import explains, fit_warnings, with_verdicts
-from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
+from kolsky.diagnosis.relaxation import (
+    BranchFit,
+    BranchTest,
+    branch_figures,
+    branch_fit,
+    rate_advice,
+    shot_branch_test,
+)
 from kolsky.inverse.incompressible import limit_warning, poisson_limit
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import Identification
@@ -46,11 +54,8 @@ def judged(
     if not explained and leading < WHOLE:
         vector = fine.objective.vectors(fine.check.prediction)[0]
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
-        # A strong branch is beyond the linear test and must be searched. It must explain more than a likely
-        # input does. The test of a weak branch cannot show this.
-        weak = rate_advice(asked) if leading < LEAST_SHARE else ()
-        strong = None if weak else branch_fit(runner, fine.x, fine.objective)
-        of_fit += weak or rate_advice(None, strong, least=leading)
+        advice, strong = branch_advice(asked, leading, lambda: branch_fit(runner, fine.x, fine.objective))
+        of_fit += advice
         result = replace(result, surrogate={**result.surrogate, **branch_figures(asked, strong)})
     replicates = found.replicates
     warnings = collect_warnings(
@@ -71,3 +76,17 @@ def judged(
     if isfinite(found.limit_rise):
         result = replace(result, surrogate={**result.surrogate, "limit_rise": found.limit_rise})
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))
+
+
+def branch_advice(
+    asked: BranchTest | None, leading: float, fit: Callable[[], BranchFit | None]
+) -> tuple[tuple[str, ...], BranchFit | None]:
+    """The advice to try a branch by the linear test, otherwise by a fit of a strong one, and this fit.
+
+    A strong branch is beyond the linear test and must be searched. It must explain more than a likely input
+    does. The test of a weak branch cannot show this, so it counts only if inputs explain little. ``leading``:
+    the largest share of the misfit that a likely input explains [-].
+    """
+    weak = rate_advice(asked) if leading < LEAST_SHARE else ()
+    strong = None if weak else fit()
+    return weak or rate_advice(None, strong, least=leading), strong

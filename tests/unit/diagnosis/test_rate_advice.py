@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from doe import Box
+from kolsky.diagnosis.causes import LEAST_SHARE
+from kolsky.diagnosis.judgement import branch_advice
 from kolsky.diagnosis.relaxation import (
     SCANNED_TIMES,
     STRENGTHS,
@@ -44,6 +46,18 @@ def test_beside_a_likely_input_it_must_explain_more_than_that() -> None:
     (text,) = rate_advice(None, FIT, least=0.59)
     assert "A second shot at a third of the speed distinguishes the two" in text
     assert rate_advice(None, FIT, least=0.6) == ()
+
+
+def test_a_weak_branch_counts_if_likely_inputs_explain_little() -> None:
+    """Below a quarter of the misfit the linear test decides; from there on a branch that explains more."""
+
+    def searched() -> BranchFit:
+        raise AssertionError("a fit is made")
+
+    assert branch_advice(WEAK, 0.99 * LEAST_SHARE, searched) == (rate_advice(WEAK), None)
+    assert branch_advice(WEAK, LEAST_SHARE, lambda: FIT) == (rate_advice(None, FIT, least=LEAST_SHARE), FIT)
+    assert branch_advice(WEAK, 0.6, lambda: FIT) == ((), FIT)
+    assert branch_advice(CHANCE, 0.0, lambda: FIT) == (rate_advice(None, FIT), FIT)
 
 
 @pytest.mark.parametrize("but", [{"aic": 0.1}, {"share": 0.49}, {"inside": False}])
