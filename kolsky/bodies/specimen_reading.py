@@ -135,12 +135,17 @@ class TestSection(Section):
         return found if isinstance(found, list) else [found]
 
 
-class PointsSection(Section):
-    """[field.points]: the measured displacements, one row per frame and point."""
+class _FrameTable(Section):
+    """A table with a column of frame numbers."""
 
     file: f.FileName
     layout: TextLayoutSection | None = None
     frame: f.Name = "frame"
+
+
+class PointsSection(_FrameTable):
+    """[field.points]: the measured displacements, one row per frame and point."""
+
     x: LengthColumn
     y: LengthColumn
     ux: LengthColumn
@@ -149,12 +154,9 @@ class PointsSection(Section):
     gated: bool = True
 
 
-class PadSection(Section):
+class PadSection(_FrameTable):
     """[field.pad]: displacement and force of the moving pad, one row per frame."""
 
-    file: f.FileName
-    layout: TextLayoutSection | None = None
-    frame: f.Name = "frame"
     displacement: LengthColumn
     force: ForceColumn
 

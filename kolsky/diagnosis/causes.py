@@ -226,7 +226,7 @@ class CauseAnalysis:
     unchanged: Mapping[str, float] = field(default_factory=dict)
     """The free parameters by the same search without a changed input."""
     lost: str = ""
-    """Reason why no input could be tried; empty if it was."""
+    """Reason why an input could not be searched, or none could be; empty if all were."""
 
     @property
     def named(self) -> tuple[CauseFinding, ...]:
@@ -296,8 +296,12 @@ def _analysed(
     trials = best_trials(search, candidates, explained=explained)
     unchanged = dict(zip(runner.problem.box.names, search.at.tolist(), strict=False))
     bests = [Best(t, t, search) for t in trials]
+    lost = ""
     if not explained and (search.before > UNEXPLAINED).any():
-        bests = best_of_each([*bests, *_freed_poisson(search, candidates)], search)
+        try:
+            bests = best_of_each([*bests, *_freed_poisson(search, candidates)], search)
+        except ValueError as error:  # the other causes remain
+            lost = f"the valleys of Poisson's ratio: {error}"
     found = _findings(search, bests, candidates)
     if other is not None and not any(solved(one.seen) for one in bests):
         # At the answer, the meshes are in phase. At the other point, the difference of its two runs is used.
@@ -308,13 +312,14 @@ def _analysed(
         both += [Best(t, t, second) for t in best_trials(second, candidates)]
         more = _findings(second, best_of_each(both, second), candidates)
         found = more if more and more[0].named else found
-    return CauseAnalysis(found, search.before, unchanged)
+    return CauseAnalysis(found, search.before, unchanged, lost)
 
 
 def _freed_poisson(search: CauseSearch, candidates: Sequence[Cause]) -> list[Best]:
     """A held Poisson's ratio by the search of its valleys, as if it were free, then on the refined mesh.
 
-    The valleys are narrow and many: no step from the answer leads to another one.
+    The valleys are narrow and many: no step from the answer leads to another one. Raises ValueError if no run
+    of the scan completes.
     """
     held = next((c for c in candidates if c.key == POISSON), None)
     if held is None:
@@ -326,10 +331,7 @@ def _freed_poisson(search: CauseSearch, candidates: Sequence[Cause]) -> list[Bes
     wide = InverseProblem.freeing(problem.prepared, replace(problem.freed, settings=freed))
     start = np.clip(wide.declared, wide.box.lower, wide.box.upper)
     start[: len(search.x)] = search.x
-    try:
-        found = search_meshes(Runner.of(wide, search.runner.work), start).optima[wide.numerics.mesh].x
-    except (ValueError, ArithmeticError):  # no run of the scan completed: the other causes remain
-        return []
+    found = search_meshes(Runner.of(wide, search.runner.work), start).optima[wide.numerics.mesh].x
     x = search.clipped(found[:-1] - search.runner.offset(wide.numerics.mesh))
     trial = Trial(held, x, held.coordinate(float(found[-1])), search.before, search.left)
     return [Best(t, t, search).renewed(search) for t in search.measured([trial])]

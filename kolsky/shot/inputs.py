@@ -204,7 +204,7 @@ INPUTS: dict[str, Input] = {
             cause=Cause(
                 key=POISSON, words="another Poisson's ratio", check="check model.poisson, or free it",
                 changed=lambda u: Change(values={"poisson": -0.5 * expm1(u)}),
-                step=0.02, typical=0.0005,  # valleys far away: `kolsky.diagnosis.causes`
+                step=0.02, typical=0.0005,  # far values: `kolsky.diagnosis.causes`
                 value=lambda u: -0.5 * expm1(u), coordinate=lambda value: log1p(-2.0 * value),
                 lowest=log(2e-4 * (1.0 + 1e-9)), highest=log(0.3), simulated=True,
             ),

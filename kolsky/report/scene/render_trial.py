@@ -1,4 +1,4 @@
-"""Render a sphere with VTK alone, which starts in a fifth of PyVista's time.
+"""Render a sphere with VTK alone, which starts faster than PyVista.
 
 This is a separate program, because VTK may crash without a display.
 """

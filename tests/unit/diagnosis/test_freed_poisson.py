@@ -64,11 +64,21 @@ def test_a_free_ratio_is_not_searched_again(monkeypatch: pytest.MonkeyPatch) -> 
     assert _freed_poisson(held(monkeypatch, {}), others) == []
 
 
-def test_a_scan_without_a_run_leaves_the_other_causes(monkeypatch: pytest.MonkeyPatch) -> None:
-    search = held(monkeypatch, {})
-
-    def fails(runner: Any, start: np.ndarray) -> Any:
+def test_a_scan_without_a_run_leaves_the_other_causes_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(search: Any, candidates: Any) -> Any:
         raise ValueError("no run of the design completed")
 
-    monkeypatch.setattr(causes, "search_meshes", fails)
-    assert _freed_poisson(search, causes.causes()) == []
+    model = SimpleNamespace(
+        runner=SimpleNamespace(problem=SimpleNamespace(box=Box.of({"poisson": (0.4, 0.5)})))
+    )
+    search = SimpleNamespace(before=np.array([9.0, 1.0]), at=np.array([0.49]))
+    monkeypatch.setattr(causes, "can_be_tried", lambda c, problem: False)
+    monkeypatch.setattr(causes, "CauseModel", lambda *_: model)
+    monkeypatch.setattr(causes, "_search_from", lambda *_: search)
+    monkeypatch.setattr(causes, "best_trials", lambda *_, explained: [])
+    monkeypatch.setattr(causes, "_findings", lambda *_: ("another cause",))
+    monkeypatch.setattr(causes, "_freed_poisson", fails)
+    runner: Any = model.runner
+    found = causes._analysed(runner, np.array([0.49]), None, None, False)  # type: ignore[arg-type]
+    assert found.findings == ("another cause",)
+    assert found.lost == "the valleys of Poisson's ratio: no run of the design completed"
