@@ -10,9 +10,10 @@ Each line gives batches, runs, element updates and processor time of one stage a
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process;
 "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
 pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
-second of two runs counts, because the first one may compile. The ratios are comparable between machines; run
-nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times, of the second run of
-each part.
+second of two runs counts, because the first one may compile. With `--threads N` these commands run on N cores
+of a Linux machine, as the unit does. Two threads of one core would each take more processor time. The ratios
+are comparable between machines; run nothing else at the same time. On a GPU (`--device cuda`) the figures are
+wall times, of the second run of each part.
 """
 
 import argparse
@@ -156,6 +157,20 @@ def commands(pictures: Path | None, specimen: Path | None, device: str) -> dict[
     return found
 
 
+@contextmanager
+def cores(count: int | None) -> Iterator[None]:
+    """Context in which this process and the ones it starts run on so many cores; None: on all. Linux only."""
+    if count is None or sys.platform != "linux":
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:count])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
 def whole(arguments: list[str]) -> dict[str, float]:
     """Processor time of a command and its processes and its wall time [s], of the second of two runs into an
     empty folder."""
@@ -258,7 +273,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if "unit" in said:
             print(table(part, said[part], said["unit"]), flush=True)
     for part, line in commands(given.pictures, given.specimen, given.device).items():
-        said[part] = whole(line)
+        with cores(given.threads):
+            said[part] = whole(line)
     print(summary(said))
     if given.json:
         given.json.write_text(json.dumps(said, indent=1) + "\n", "utf-8")
