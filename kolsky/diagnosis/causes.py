@@ -455,24 +455,11 @@ def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: 
         return tangents
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
-    followed = search.followed([*starts, *_same_force_starts(search, starts)])
+    followed = search.followed(starts)
     followed += _stretched_runs(search, candidates)
     better = [t for t in followed if search.gain(t.misfits) > 0.0]  # otherwise the linear step is better
     better.sort(key=lambda t: -search.loss(t.misfits))
     return list({t.candidate.key: t for t in (*tangents, *better)}.values())
-
-
-def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """A density for each gain of the force: equal factors on force, density and stress keep the motion."""
-    names = search.problem.box.names
-    gains = [t for t in starts if t.candidate.key == SENSITIVITY]
-    density = next(c for c in causes() if c.key == DENSITY)
-    if not gains or "stiffness_factor" not in names:
-        return []
-    x = gains[0].x.copy()
-    x[names.index("stiffness_factor")] *= gains[0].u
-    x = np.clip(x, search.model.lower, search.model.upper)
-    return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
 
 
 STRETCHES = 2000
