@@ -141,11 +141,6 @@ OF_DIAGNOSIS = {
         "diagnosis.causes._freed_poisson",
         lambda *_: [],
     ),
-    "stretched": Switch(
-        "the answer's run, stretched, for the camera's rate",
-        "diagnosis.causes._stretched_runs",
-        lambda *_: [],
-    ),
     "contenders": Switch(
         "runs on the refined mesh for inputs that are alike", "diagnosis.causes._contenders", lambda *_: []
     ),

@@ -126,17 +126,17 @@ def test_the_committed_studies_name_the_right_cause() -> None:
 
 @pytest.mark.slow
 def test_a_wrong_rate_of_the_camera_is_named_first_in_a_shot_by_another_program() -> None:
-    """Times of all frames x 0.97: without the stretched run a gain of the force explains more."""
+    """Times of all frames x 0.97, on the default meshes: a gain of the force explains nearly as much."""
     from kolsky.identification import identify
     from kolsky.inverse.settings import Numerics, Settings
 
     row = BY_NAME["frames x 0.97"]
-    settings = Settings(numerics=Numerics(mesh=(16, 22), threads=1), refined_mesh=(32, 44))
+    settings = Settings(numerics=Numerics(threads=1))
     found = identify(row.wrong(RESULTS.parents[1] / "runs" / "open-05"), settings)
     assert not found.estimates["stiffness_factor"].outcome.identified
     first = found.causes[0]
     assert first.named
     assert first.key == row.key
-    # A tenth of the change: these coarse meshes leave 2e-3. The declared inputs allow 2.5 % of m.
+    # A tenth of the change: the meshes leave 2e-3. The declared inputs allow 2.5 % of m.
     assert first.value == pytest.approx(1.0 / 0.97, abs=3e-3)
     assert first.parameters["stiffness_factor"] == pytest.approx(1.12, rel=0.025)
