@@ -114,22 +114,13 @@ class Runner:
                 values, numerics, motion=motion, material=material, all_nodes=all_nodes, progress=report
             )
 
-    def run(
-        self,
-        stage: str,
-        points: FloatArray,
-        numerics: Numerics,
-        *,
-        all_nodes: bool = False,
-        recorded: bool = True,
-    ) -> Runs:
-        """Run points of shape [n, d], also outside the box; with `recorded`, add them to the table."""
+    def run(self, stage: str, points: FloatArray, numerics: Numerics, *, all_nodes: bool = False) -> Runs:
+        """Run points of shape [n, d], also outside the box, and add them to the table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
-        if recorded:
-            place = mesh, self.front.path, self.offset(mesh)
-            self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
+        place = mesh, self.front.path, self.offset(mesh)
+        self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
         return runs
 
     def simulate(
