@@ -123,11 +123,9 @@ class Runner:
         self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
         return runs
 
-    def simulate(
-        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
-    ) -> CompletedRuns:
+    def simulate(self, stage: str, design: Design, numerics: Numerics) -> CompletedRuns:
         """Run a design and record it; raises ValueError if no run completed."""
-        runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
+        runs = self.run(stage, design.points, numerics)
         return runs.completed(f"no run of the {stage} completed")
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
