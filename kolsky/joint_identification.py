@@ -375,7 +375,7 @@ def identify_shots(
     problem = problem_of(prepared, bounds)
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
-    if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
+    if not relaxing or not (kept or settings.curve_nodes):
         found = with_patterns_and_scatter(problem, _search_joint(problem), said)
         return joint_result(problem, found, None, tuple(said))
     elastic = problem_of([p.with_shot(replace(p.shot, relaxation=None)) for p in prepared], kept)

@@ -188,7 +188,6 @@ def summary(each: Each) -> dict[str, Any]:
         "draws": len(each),
         "answered": len(answered),
         "relaxation asked for": driver.share(sum(choice["asked_for"] for choice in choices), len(each)),
-        "not decided": sum(choice["sentence"].startswith("not decided") for choice in choices),
         "pairs within 2 sigma": driver.share(sum(pair_found(one) for one in answered), len(each)),
         "called identified": sum(said <= ANSWERS for said in verdicts),
         **{name: _parameter(name, answered, len(each)) for name in NAMES},
@@ -241,7 +240,7 @@ def table(said: dict[str, Any]) -> str:
     head = (
         f"{said['draws']} draws of seed {study['seed']} ({driver.on_meshes(study)}), "
         f"{said['answered']} answered. Relaxation asked for: "
-        f"{driver.counted(asked)}; not decided: {said['not decided']}."
+        f"{driver.counted(asked)}."
     )
     names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # elastic materials have no pair
     if not study["elastic"]:

@@ -50,11 +50,19 @@ class Row:
     """True if Poisson's ratio and damping are identified (the default), False if they are fixed."""
     names: tuple[str, ...] = ()
     """Other keys that are equally correct: density, stress and force have the same scale."""
+    second: tuple[str, ...] = ()
+    """Keys of a second wrong input; each is correct. Empty without one."""
 
 
-def _changed(correction: Callable[[Shot, float], Shot], value: float) -> Wrong:
+@dataclass(frozen=True)
+class _Changed:
     """Shot that is correct except for a correction by a value, the reciprocal of its error or minus it."""
-    return lambda folder: correction(load_shot(folder), value)
+
+    correction: Callable[[Shot, float], Shot]
+    value: float
+
+    def __call__(self, folder: Path) -> Shot:
+        return self.correction(load_shot(folder), self.value)
 
 
 def _model(**values: Callable[[float], float]) -> Wrong:
@@ -164,17 +172,17 @@ CURVES = ("curve.stress", "curve.strain", "curve shape")
 
 ROWS: tuple[Row, ...] = (
     Row(RIGHT, "", load_shot, free=True),
-    Row("sensitivity x 1/2", SENSITIVITY, _changed(with_gain, 2.0), free=True, names=(DENSITY,)),
-    Row("sensitivity x 2", SENSITIVITY, _changed(with_gain, 0.5), free=True, names=(DENSITY,)),
-    Row("force x 10", SENSITIVITY, _changed(with_gain, 10.0), free=True, names=(DENSITY,)),
+    Row("sensitivity x 1/2", SENSITIVITY, _Changed(with_gain, 2.0), free=True, names=(DENSITY,)),
+    Row("sensitivity x 2", SENSITIVITY, _Changed(with_gain, 0.5), free=True, names=(DENSITY,)),
+    Row("force x 10", SENSITIVITY, _Changed(with_gain, 10.0), free=True, names=(DENSITY,)),
     Row("beta = 0, held", DAMPING, _model(damping=lambda damping: 0.0)),
     Row("beta x 4, held", DAMPING, _model(damping=lambda damping: 4.0 * damping)),
     Row("1 - 2 nu x 1/10, held", POISSON, _poisson(0.1)),
     Row("1 - 2 nu x 5, held", POISSON, _poisson(5.0)),
-    Row("flyer 20 us late", "flyer.time", _changed(with_flyer_clock, -20e-6), free=True),
-    Row("force 20 us late", "force.clock_offset", _changed(with_force_clock, -20e-6), free=True),
-    Row("outline 20 us late", "centre_line.time", _changed(with_outline("time"), 20e-6), free=True),
-    Row("outline 20 us early", "centre_line.time", _changed(with_outline("time"), -20e-6), free=True),
+    Row("flyer 20 us late", "flyer.time", _Changed(with_flyer_clock, -20e-6), free=True),
+    Row("force 20 us late", "force.clock_offset", _Changed(with_force_clock, -20e-6), free=True),
+    Row("outline 20 us late", "centre_line.time", _Changed(with_outline("time"), 20e-6), free=True),
+    Row("outline 20 us early", "centre_line.time", _Changed(with_outline("time"), -20e-6), free=True),
     Row("length -1.5 %", "specimen.length", _specimen("length", 0.985), free=True),
     Row("length x 2", "specimen.length", _specimen("length", 2.0), free=True),
     Row("diameter -2 %", "specimen.diameter", _specimen("diameter", 0.98), free=True),
@@ -182,13 +190,13 @@ ROWS: tuple[Row, ...] = (
     Row("density x 1/2", DENSITY, _specimen("density", 0.5), free=True, names=(SENSITIVITY,)),
     Row("density x 2", DENSITY, _specimen("density", 2.0), free=True, names=(SENSITIVITY,)),
     Row("density -10 %", DENSITY, _specimen("density", 0.9), free=True, names=(SENSITIVITY,)),
-    Row("y + 100 um", "centre_line.y_offset", _changed(with_outline("y"), 1e-4), free=True),
-    Row("Z + 20 um", "centre_line.Z_offset", _changed(with_outline("Z"), 2e-5), free=True),
-    Row("y from the other end", "centre_line.y", _changed(with_mirrored, 0.0), free=True),
-    Row("pictures x 1.02", "pictures.scale", _changed(with_pictures, 1.02), free=True),
-    Row("flyer x 1.03", "flyer.displacement", _changed(with_motion, 1.03), free=True),
-    Row("frames x 1.0084", "frames.time", _changed(with_film, 1.0084), free=True),
-    Row("frames x 0.97", "frames.time", _changed(with_film, 0.97), free=True),
+    Row("y + 100 um", "centre_line.y_offset", _Changed(with_outline("y"), 1e-4), free=True),
+    Row("Z + 20 um", "centre_line.Z_offset", _Changed(with_outline("Z"), 2e-5), free=True),
+    Row("y from the other end", "centre_line.y", _Changed(with_mirrored, 0.0), free=True),
+    Row("pictures x 1.02", "pictures.scale", _Changed(with_pictures, 1.02), free=True),
+    Row("flyer x 1.03", "flyer.displacement", _Changed(with_motion, 1.03), free=True),
+    Row("frames x 1.0084", "frames.time", _Changed(with_film, 1.0084), free=True),
+    Row("frames x 0.97", "frames.time", _Changed(with_film, 0.97), free=True),
     Row("amplifier of 2 kHz", "force.bandwidth", _recorded(lambda v, h, _: low_pass(v, h, 2e3)), free=True),
     Row("charge leaks in 3 ms", "force.time_constant", _recorded(_droop), free=True),
     Row("baseline off by 5 %", "force.baseline", _recorded(_zero), free=True),
@@ -203,16 +211,44 @@ ROWS: tuple[Row, ...] = (
     Row(
         "sensitivity x 1/2, flyer 20 us late",
         SENSITIVITY,
-        _changed(lambda shot, late: with_flyer_clock(with_gain(shot, 2.0), -late), 20e-6),
+        _Changed(lambda shot, late: with_flyer_clock(with_gain(shot, 2.0), -late), 20e-6),
         free=True,
         names=("flyer.time", DENSITY),
     ),
     Row(
         "Z + 40 um, force 20 us late",
         "centre_line.Z_offset",
-        _changed(lambda shot, late: with_force_clock(with_outline("Z")(shot, 4e-5), -late), 20e-6),
+        _Changed(lambda shot, late: with_force_clock(with_outline("Z")(shot, 4e-5), -late), 20e-6),
         free=True,
         names=("force.clock_offset",),
     ),
 )
 """Every row of the study, in the order of its table."""
+
+
+def _pair(first: str, second: str) -> Row:
+    """The wrong inputs of two rows in one shot."""
+    one, other = (next(row for row in ROWS if row.name == name) for name in (first, second))
+    changed = other.wrong
+    assert isinstance(changed, _Changed)
+    return replace(
+        one,
+        name=f"{first}; {second}",
+        wrong=lambda folder: changed.correction(one.wrong(folder), changed.value),
+        second=(other.key, *other.names),
+    )
+
+
+PAIRS = (
+    _pair("1 - 2 nu x 5, held", "sensitivity x 1/2"),
+    _pair("beta x 4, held", "Z + 20 um"),
+    _pair("curve x 4", "force 20 us late"),
+    _pair("length -1.5 %", "sensitivity x 1/2"),
+    _pair("flyer 20 us late", "sensitivity x 2"),
+    _pair("diameter -2 %", "outline 20 us late"),
+    _pair("pictures x 1.02", "force 20 us late"),
+    _pair("density x 1/2", "flyer x 1.03"),
+)
+"""Rows with two wrong inputs. They are not in the table of `ROWS`."""
+BY_NAME = {row.name: row for row in (*ROWS, *PAIRS)}
+"""All rows by their names."""

@@ -2,7 +2,7 @@
 row.
 
     python -m populations.wrong_inputs --out FOLDER [--population SPEC.toml] [--seed N] [--device cuda]
-        [--workers N] [--shots N] [--right N] [--rows WORD,...] [--table FILE.json] [--truth felupe]
+        [--workers N] [--shots N] [--right N] [--rows WORD,...] [--pairs] [--table FILE.json] [--truth felupe]
 
 Every identification is one file in FOLDER/jobs; existing files are not recomputed. The page
 docs/validation/wrong_inputs.md is made from the table that --table writes. With `--truth felupe` another
@@ -23,7 +23,7 @@ from kolsky.virtual.make import make, place_of, write_shot
 from kolsky.virtual.specification import Series, ShotSpecification
 from kolsky.virtual.truth import TruthError
 from populations.driver import answers, command, mesh, population, results, write
-from populations.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
+from populations.wrong_input_rows import BY_NAME, CURVE, MODEL, PAIRS, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
 CAUSE = ("key", "value", "sigma", "explained", "evidence", "probability", "named", "within", "alike")
@@ -56,7 +56,7 @@ def run(job: Job) -> dict[str, Any]:
     from kolsky.identification import identify
     from kolsky.inverse.settings import Numerics, Settings
 
-    row = next(row for row in ROWS if row.name == job.row)
+    row = BY_NAME[job.row]
     truth = json.loads((job.shot / "truth.json").read_text("utf-8"))
     said: dict[str, Any] = {"row": row.name, "shot": job.shot.name, "truth": truth["m"]}
     started = time.perf_counter()
@@ -99,7 +99,9 @@ def judged(row: Row, said: dict[str, Any]) -> str:
     A correct shot is "quiet" or "alarm". The curve's scale is "said" or "silent". For all others "first" or
     "second" is the rank of the correct cause among the likely ones. "refused" is a rejection with the correct
     key in its message. With "other" or "none" the value is withheld, and another cause or no cause is
-    reported. "harmless" is an answer whose interval contains the truth, "confident" a wrong answer.
+    reported. "harmless" is an answer whose interval contains the truth, "confident" a wrong answer. A pair is
+    "first" if both inputs are among the first three likely causes, of which two may be twins, and "second" if
+    only one of them is.
     """
     right = {row.key, *row.names} - {""}
     if said["refused"]:
@@ -111,6 +113,10 @@ def judged(row: Row, said: dict[str, Any]) -> str:
     if row.name == CURVE:
         visible = said["curve_visible"]
         return "said" if visible is not None and visible < 0.05 else "silent"
+    if row.second:
+        count = sum(not keys.isdisjoint(named[:3]) for keys in (right, {*row.second}))
+        if count:
+            return "first" if count == 2 else "second"
     for place, word in enumerate(("first", "second")):
         if right & set(named[place : place + 1]):
             return word
@@ -129,8 +135,7 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
     "right": number of correct shots; "alarms": number of these with an alarm; "inside": number of these with
     the truth inside k = 2.
     """
-    rows = {row.name: row for row in ROWS}
-    ends = [(rows[said["row"]], judged(rows[said["row"]], said)) for said in jobs]
+    ends = [(BY_NAME[said["row"]], judged(BY_NAME[said["row"]], said)) for said in jobs]
     right = [end for row, end in ends if row.name.startswith(RIGHT)]
     wrong = [end for row, end in ends if not row.name.startswith(RIGHT) and row.name != CURVE]
     counted = [end for end in wrong if end != "harmless"]
@@ -155,7 +160,7 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
 def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """One entry for each row: outcomes of its jobs, error of m, estimated value of the correct cause."""
     found = []
-    for row in ROWS:
+    for row in BY_NAME.values():
         mine = [said for said in jobs if said["row"] == row.name]
         if not mine:
             continue
@@ -206,7 +211,7 @@ def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
     words = [word for word in args.rows.split(",") if word]
     meshes = None if args.mesh is None else (args.mesh, args.refined_mesh)
     first = 0
-    for row in ROWS:
+    for row in PAIRS if args.pairs else ROWS:
         if words and not any(word in row.name for word in words):
             continue
         many = args.right if row.name.startswith(RIGHT) else args.shots
@@ -274,8 +279,7 @@ def line(one: dict[str, Any]) -> str:
     """One line of text with the outcome of a job."""
     if "broke" in one:
         return str(one["broke"])
-    row = next(row for row in ROWS if row.name == one["row"])
-    return f"{one['shot']} {row.name}: {judged(row, one)}"
+    return f"{one['shot']} {one['row']}: {judged(BY_NAME[one['row']], one)}"
 
 
 def main() -> int:
@@ -290,6 +294,7 @@ def main() -> int:
     parser.add_argument("--rows", default="", help="only rows whose names hold one of these words")
     parser.add_argument("--mesh", type=mesh, metavar="16x22", help="surrogate's mesh, for a trial")
     parser.add_argument("--refined-mesh", type=mesh, metavar="32x44", default=(32, 44))
+    parser.add_argument("--pairs", action="store_true", help="the rows with two wrong inputs each")
     words = "program of the truths; give each its own --out"
     parser.add_argument("--truth", choices=("own", "felupe"), default="own", help=words)
     parser.add_argument("--table", type=Path, help="where the table is written, as JSON")

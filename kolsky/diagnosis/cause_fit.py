@@ -129,8 +129,6 @@ class LinearFit(Solution):
 
     covariance: FloatArray
     """Covariance of z, with residuals correlated in time, shape [p, p]."""
-    tau: FloatArray
-    """Discrepancy of each channel: the residual beyond that of a correct model, shape [2]."""
     inflation: float
     """Variance of the last entry of z by residuals correlated in time over that by independent ones [-]."""
 
@@ -157,7 +155,7 @@ def fit_linear(
     covariance[np.ix_(free, free)] = (G + together - own) / np.outer(one.scale[inside], one.scale[inside])
     p, q = columns.shape[1], len(one.seen) - columns.shape[1]
     last = float(together[-1, -1] / own[-1, -1]) if p and one.seen[-1] and own[-1, -1] > 0.0 else 1.0
-    return LinearFit(one.whole(z)[q:], left, covariance[q:, q:], weighted.tau, last)
+    return LinearFit(one.whole(z)[q:], left, covariance[q:, q:], last)
 
 
 def solve_linear(

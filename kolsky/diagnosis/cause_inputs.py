@@ -112,23 +112,6 @@ def radii(change: Change, response: Response, observations: Observations, sample
     return found / change.picture
 
 
-def stretched(response: Response, s: float) -> Response:
-    """A run with all times multiplied by s [-] from its start.
-
-    It is the run at 1 / s^2 of the stress and s times the damping, at the same density and geometry.
-    """
-    t = response.force_times
-    return replace(
-        response,
-        force_times=t[0] + s * (t - t[0]),
-        surface_times=t[0] + s * (response.surface_times - t[0]),
-        force_transmission=response.force_transmission / s**2,
-        force_flyer=response.force_flyer / s**2,
-        impulse_transmission=response.impulse_transmission / s,
-        impulse_flyer=response.impulse_flyer / s,
-    )
-
-
 def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     """Delays of the strips of a tilted round face, and their shares of its area.
 

@@ -66,7 +66,6 @@ class CauseModel:
             self.lower = np.append(self.lower, first.lowest)
             self.upper = np.append(self.upper, first.highest)
         self.observations, self.offset = _thinned(runner.problem.observations, runner.front.noise.offset)
-        self.runs = 0
         self._recent: dict[tuple[object, object], Response | None] = {}
         self._most_steps = Stepping.max_steps
         reference = self.respond([Point(x)])[0]
@@ -145,7 +144,6 @@ class CauseModel:
                 fresh.setdefault(key[0], {})[key] = point
         made = run_side_by_side([self._launch([*group.values()]) for group in fresh.values()])
         for group, response in zip(fresh.values(), made, strict=True):
-            self.runs += len(group)
             for row, key in enumerate(group):
                 found[key] = response.select([row]) if response.outcomes[row].ok else None
         self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
@@ -251,7 +249,6 @@ def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in path.noise_patterns(PATTERNS)))
     forward = replace(runner.forward, paths=paths)
     response = forward.run(runner.at(model.x, numerics.mesh), numerics, motion=np.arange(len(paths)))
-    model.runs += len(paths)
     vectors = np.full((len(paths), len(model.data)), np.nan)
     for i in np.flatnonzero(response.completed).tolist():
         vectors[i] = changed_vector(UNCHANGED, response, model.observations, i)

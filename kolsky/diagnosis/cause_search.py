@@ -44,8 +44,6 @@ class Trial:
     """Prediction minus data at this point, shape [k]."""
     fit: LinearFit | None = None
     """The last linear fit about it."""
-    step: float = 0.0
-    """Remaining change of the coordinate by that fit."""
     lost: str = ""
     """Reason why the input could not be tried; empty if it was tried."""
 
@@ -124,8 +122,8 @@ class CauseSearch:
             c for c in candidates if c.key in self.columns and declared_span(c, runner) is not None
         ]
         here = self.residual(self.vector)
-        self.null = solve_linear(here, self.slope, expected, self.allowed())
-        self.at, self.left = self.clipped(x + self.null.step), self.null.residual
+        null = solve_linear(here, self.slope, expected, self.allowed())
+        self.at, self.left = self.clipped(x + null.step), null.residual
         self.bare_left = solve_linear(here, self.slope, expected).residual
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
@@ -271,7 +269,7 @@ class CauseSearch:
         ]
         found, measured = [], self.measured(moved)
         for t, fit in zip(trials, fits, strict=True):
-            tried = [replace(t, fit=fit, step=float(fit.step[-1])), *(m for m in measured if m.fit is fit)]
+            tried = [replace(t, fit=fit), *(m for m in measured if m.fit is fit)]
             found.append(min(tried, key=lambda one: self.loss(one.misfits)))
         return found
 
@@ -281,37 +279,22 @@ def _inside(c: Cause, u: float) -> float:
     return float(min(max(u, c.lowest), c.highest))
 
 
-Value = tuple[Cause, float]
-"""An input and a value of its coordinate."""
-
-
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
-    """Starts: the best large changes of every candidate, with the free parameters by a linear step.
+    """Starts: the two best large changes of every candidate, with the free parameters by a linear step.
 
-    All changes are run in one launch on a coarse mesh.
+    All changes are run in one launch on a coarse mesh. Ringing causes several minima. Values with failed runs
+    are left out.
     """
     values = [(c, u) for c in candidates for u in c.scan if c.lowest <= u <= c.highest]
-    reached = [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))]
-    return best_tried(search, _trials(search, reached))
-
-
-def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
-    """Each value with the free parameters by a linear step. Values with failed runs are left out."""
-    found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
+    tried = [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))]
+    points, trials = [Point(search.x, c.changed(u)) for c, u in tried], dict[str, list[Trial]]()
     for (c, u), vector in zip(tried, search.model.screen.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
             continue
         fit = solve_linear(search.residual(vector), search.slope, search.expected, search.allowed(c))
         x = search.clipped(search.x + fit.step)
-        found.append(Trial(c, x, u, search.expected.misfits(fit.residual), fit.residual))
-    return found
-
-
-def best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
-    """The two best local minima of each candidate. Ringing causes several minima."""
-    trials: dict[str, list[Trial]] = {}
-    for t in tried:
-        trials.setdefault(t.candidate.key, []).append(t)
+        trial = Trial(c, x, u, search.expected.misfits(fit.residual), fit.residual)
+        trials.setdefault(c.key, []).append(trial)
     found = []
     for row in trials.values():
         row.sort(key=lambda t: t.u)

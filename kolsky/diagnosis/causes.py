@@ -16,18 +16,9 @@ from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_fit import chance, evidence, explained_share, holm
-from kolsky.diagnosis.cause_inputs import (
-    can_be_tried,
-    changed_vector,
-    declared_sigma,
-    declared_span,
-    held_value,
-    radii,
-    start_of,
-    stretched,
-)
+from kolsky.diagnosis.cause_inputs import can_be_tried, declared_sigma, declared_span, held_value, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
-from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, best_tried, scan_inputs
+from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, scan_inputs
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.problem import InverseProblem
@@ -35,8 +26,8 @@ from kolsky.inverse.result import COVERAGE, CauseFinding, Estimate
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.surrogate_mesh_search import search_meshes
 from kolsky.inverse.valleys import VALLEY
-from kolsky.shot.input_records import SHOWN, UNCHANGED, Cause, Change
-from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, FRAME_RATE, POISSON, SENSITIVITY, causes
+from kolsky.shot.input_records import SHOWN, Cause
+from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
 """A change is significant if its probability, adjusted for all inputs tried, is below this."""
@@ -386,7 +377,7 @@ def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
     most = max((judge.gain(one.seen.misfits) for one in strong), default=0.0)
     near = [one for one in strong if most - judge.gain(one.seen.misfits) < KEPT]
     found = near[:CONTENDERS] if len(near) > 1 else []
-    far = [one for one in strong if one.seen.candidate.key == CURVE_SCALE or one.seen.fit is None]
+    far = [one for one in strong if one.seen.candidate.key == CURVE_SCALE]
     return found + [one for one in far if one not in found]
 
 
@@ -455,55 +446,10 @@ def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: 
         return tangents
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
-    followed = search.followed([*starts, *_same_force_starts(search, starts)])
-    followed += _stretched_runs(search, candidates)
+    followed = search.followed(starts)
     better = [t for t in followed if search.gain(t.misfits) > 0.0]  # otherwise the linear step is better
     better.sort(key=lambda t: -search.loss(t.misfits))
     return list({t.candidate.key: t for t in (*tangents, *better)}.values())
-
-
-def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """A density for each gain of the force: equal factors on force, density and stress keep the motion."""
-    names = search.problem.box.names
-    gains = [t for t in starts if t.candidate.key == SENSITIVITY]
-    density = next(c for c in causes() if c.key == DENSITY)
-    if not gains or "stiffness_factor" not in names:
-        return []
-    x = gains[0].x.copy()
-    x[names.index("stiffness_factor")] *= gains[0].u
-    x = np.clip(x, search.model.lower, search.model.upper)
-    return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
-
-
-STRETCHES = 2000
-"""Number of factors on the times of all frames that are tried by stretching one run. Over the range of the
-factor, this step is 0.001: a phase of 0.06 periods at the end of a test with sixty."""
-
-
-def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
-    """The two best factors on the times of all frames by the run at the answer, stretched in time.
-
-    A run with all times multiplied by s, all stresses and forces by 1 / s^2, and the damping by s is the run
-    at the stiffness factor m / s^2 with the frames' times multiplied by s. Its outline in the frames is
-    unchanged. If the rate is wrong, the answer follows the film, not the force's clock, and linear steps end
-    in another valley of Poisson's ratio.
-    """
-    model, names = search.model, search.problem.box.names
-    rate = [c for c in candidates if c.key == FRAME_RATE]
-    if not rate or model.first is not None or MOVED not in names:
-        return []
-    run, seen, found = model.refined, radii(UNCHANGED, model.refined, model.observations), []
-    for s in np.geomspace(1.0 + rate[0].lowest, 1.0 + rate[0].highest, STRETCHES):
-        x = search.x.copy()
-        for i, name in enumerate(names):
-            x[i] *= {MOVED: s**-2, "damping": s}.get(name, 1.0)
-        if (x < model.lower).any() or (x > model.upper).any():
-            continue
-        vector = changed_vector(Change(film=s), stretched(run, s), model.observations, known=seen)
-        residual = search.residual(vector if model.offset is None else vector - model.offset)
-        found.append(Trial(rate[0], x, s - 1.0, search.expected.misfits(residual), residual))
-    relieved = [(t, search.relieved(t.residual, t.candidate)) for t in best_tried(search, found)]
-    return [replace(t, residual=left, misfits=search.expected.misfits(left)) for t, left in relieved]
 
 
 def with_likely(analysis: CauseAnalysis, m: Estimate, *, at_bound: bool) -> tuple[CauseFinding, ...]:

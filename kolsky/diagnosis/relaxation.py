@@ -363,11 +363,6 @@ def weak_branch(
     return np.clip(x, box.lower, box.upper)
 
 
-UNREACHED = 1.0
-"""The search of a larger model has not reached the optimum if its -2 ln L exceeds that of a nested model by
-more than this. Searches end within a part of a standard uncertainty. The rise there is smaller."""
-
-
 def choose_model(
     problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum
 ) -> ModelChoice:
@@ -385,13 +380,9 @@ def choose_model(
     lower = deviance_with_mesh_patterns(stack, other, patterns) - deviance_with_mesh_patterns(
         stack, vector, patterns
     )
-    missed = 0.0
-    nothing = optimum_without_branch(problem, elastic, without)
-    if nothing is not None:
+    if optimum_without_branch(problem, elastic, without) is not None:
         # Zero strength is part of the model with relaxation. Its optimum therefore fits at least as well.
         lower = min(lower, 0.0)
-        above = problem.deviance(found.vector) - problem.deviance(nothing.vector)
-        missed = above if above > UNREACHED else 0.0
     aic = lower + 2.0 * more
     bic = lower + more * float(np.log(stack.ends[-1] + len(stack.slow)))
     residual = vector - stack.data
@@ -429,7 +420,7 @@ def choose_model(
         time=test.time,
         probability=test.probability,
         asked_for=asked,
-        sentence=choice_in_words(aic, test.probability, asked=asked, missed=missed),
+        sentence=choice_in_words(aic, test.probability, asked=asked),
     )
 
 
@@ -475,15 +466,9 @@ def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: Floa
     return stack.whitening(stack.weighed_beside(residual, patterns), patterns).deviance(residual)
 
 
-def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:
-    """The choice in words. `missed`: -2 ln L of the larger search minus that of the elastic optimum."""
+def choice_in_words(aic: float, probability: float, *, asked: bool) -> str:
+    """The choice in words."""
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
-    if missed > 0.0:
-        return (
-            f"not decided whether the data need relaxation: the search with it ended {missed:.3g} in -2 "
-            f"ln L above the optimum without it, although its models include that optimum ({chance}): "
-            "give bounds with --free"
-        )
     if asked:
         return f"the data need relaxation (AIC {aic:+.1f}; {chance})"
     return f"the data do not need relaxation (AIC {aic:+.1f}; {chance}): identify without it"

@@ -19,14 +19,11 @@ from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError
-from doe.surrogates.quality import Fitness, fitness
+from doe.surrogates import ProcessSurrogate, SurrogateError
 from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective, Part
-from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath, data_change, drawn_modes, noise_of
-from kolsky.inverse.result import AGREEMENT
 from kolsky.inverse.run_table import CompletedRuns, Replicates
 from kolsky.inverse.runner import Runner
 
@@ -244,7 +241,10 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its runs reach, which are more than in the first design."""
-    points, prediction = _runs_of_surrogate(runner, found.surrogate)
+    points, prediction = runner.on_surrogate_mesh()
+    places = {tuple(x): row for row, x in enumerate(points)}  # of the runs used, without duplicates
+    rows = [places[tuple(x)] for x in found.surrogate.points]
+    points, prediction = points[rows], prediction.select(rows)
     objective = runner.objective(np.asarray(prediction.inside.all(axis=0)))
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
@@ -255,31 +255,6 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
     )
     best = search(found.region, objective, CorrectedSurrogate(surrogate).predict, start=found.x)
     return CoarseOptimum(found.region, surrogate, best.objective, best.x)
-
-
-def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
-    """Compare the shift of the optimum by the surrogate's error with its limit, a share of the interval.
-
-    ``gain``: linear map from a change of the data to the shift of the optimum over its half width, [d, k].
-    """
-    points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
-    vectors = coarse.objective.vectors(prediction)
-    scale, box = coarse.objective.noise, coarse.surrogate.box
-    kind = surrogate_kind(box, smooth=isinstance(coarse.surrogate, ResponseSurrogate))
-
-    def fit(x: FloatArray, y: FloatArray) -> Surrogate:
-        found: Surrogate = kind.fit(box, x, y, scale=scale)
-        return found
-
-    return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
-
-
-def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
-    """The points of the runs used for a surrogate, without duplicates, and their predictions."""
-    points, prediction = runner.on_surrogate_mesh()
-    places = {tuple(x): row for row, x in enumerate(points)}
-    rows = [places[tuple(x)] for x in surrogate.points]
-    return points[rows], prediction.select(rows)
 
 
 def no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:

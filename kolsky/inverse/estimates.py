@@ -8,15 +8,7 @@ import numpy as np
 from doe import Box, CostSurrogate
 from doe import nelder_mead as minimise
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import (
-    CoarseOptimum,
-    CorrectedSurrogate,
-    Model,
-    fit_for_purpose,
-    jacobian,
-    on_edge,
-    search,
-)
+from kolsky.inverse.coarse_search import CoarseOptimum, Model, jacobian, on_edge, search
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.parameters import PARAMETERS
@@ -220,18 +212,9 @@ def surrogate_quality(
         "force_discrepancy": o.force_discrepancy,
         "shape_discrepancy": o.shape_discrepancy if outline else None,
         "slow_discrepancy": o.slow_discrepancy if outline else None,
-        "runs_needed": None if fine.confirmed else runs_needed(runner, coarse, fine),
         "lost_mesh_runs": float(lost) if lost else None,
     }
     return {key: value for key, value in found.items() if value is not None}
-
-
-def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
-    """Number of runs around the optimum that a sufficient surrogate needs; infinite if none is enough."""
-    slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
-    gain = coarse.objective.gain(slope)
-    found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))
-    return float("inf") if found.runs_needed is None else float(found.runs_needed)
 
 
 def _rms(x: FloatArray) -> float:

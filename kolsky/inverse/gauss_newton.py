@@ -302,14 +302,14 @@ def search_by_gauss_newton(
     blind = [name for name, s in zip(problem.box.names, coarse.sigma, strict=True) if not np.isfinite(s)]
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
-    slope, centre, objective = slopes(runner, coarse)
+    slope, objective = slopes(runner, coarse)
     last, slope = _search_on(runner, objective, slope, coarse.x, problem.halfway)
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
     if problem.halfway != problem.refined:
         under = replace(objective, front=front.noise)
         last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined, last.pace)
     runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
-    return _with_surrogate(runner, last, slope, centre, coarse)
+    return _with_surrogate(runner, last, slope)
 
 
 def _search_on(
@@ -327,8 +327,8 @@ def _search_on(
     return (last.moved_by_step(slope, runner.problem.box) if last.confirmed else last), slope
 
 
-def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
-    """Jacobian [k, d], data vector [k] and objective at the surrogate mesh's optimum, or ValueError."""
+def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, Objective]:
+    """Jacobian [k, d] and objective at the surrogate mesh's optimum, or ValueError."""
     box = runner.problem.box
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
@@ -338,7 +338,7 @@ def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray
     inside = np.asarray(done.prediction.inside.all(axis=0))
     objective = runner.objective(inside, slowly=True)
     vectors = objective.vectors(done.prediction)
-    return differences(vectors[1:], up, down), vectors[0], objective
+    return differences(vectors[1:], up, down), objective
 
 
 def _chord_steps(
@@ -375,7 +375,7 @@ def _chord_steps(
 
 
 def _with_surrogate(
-    runner: Runner, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
+    runner: Runner, last: RefinedRun, slope: FloatArray
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
     """A design about the answer on the surrogate's mesh, and both optima with its surrogate."""
     numerics, whole, sigma = runner.problem.numerics, runner.problem.box, last.step.sigma
@@ -401,8 +401,6 @@ def _with_surrogate(
     # interval.
     steeper = slope - jacobian(plain.predict, box, x)
     model = plain.through(x, last.vector[kept], steeper)
-    on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)
-    on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
     return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(
         x=x,
         front=runner.front,
@@ -410,12 +408,10 @@ def _with_surrogate(
         box=box,
         objective=weighed,
         model=model.predict,
-        surrogate=plain.predict,
         jacobian=slope,
         sigma=np.sqrt(np.diag(weighed.covariance(slope, last.vector[kept]))),
         check=last.check,
         moved=last.step.moved,
         confirmed=last.confirmed,
         missed=last.missed[kept],
-        mesh_shift=on_refined - on_coarse,
     )

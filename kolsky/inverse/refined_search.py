@@ -41,8 +41,6 @@ class RefinedOptimum:
     objective: Objective
     model: Model
     """Model of the data vectors of runs on the refined mesh."""
-    surrogate: Model
-    """The model before its correction to runs on the refined mesh; equal to `model` without correction."""
     jacobian: FloatArray
     """Jacobian of the model at the optimum, shape [k, d]."""
     sigma: FloatArray
@@ -54,8 +52,6 @@ class RefinedOptimum:
     """True if that shift is small enough."""
     missed: FloatArray
     """The last run minus the model's prediction for it, shape [k]."""
-    mesh_shift: FloatArray
-    """Optimum on the refined mesh minus that on the surrogate's, shape [d]."""
     roughness: FloatArray | None = None
     """Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth."""
     deviations: FloatArray | None = None
@@ -140,36 +136,21 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
     missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
     move = np.abs(found.gain @ missed)
     inside = not at_inner_face(x, found.surrogate.box, runner.problem.box)
-    on_coarse = _moved_by_coarse_mesh(runner, found)
     return RefinedOptimum(
         x=x,
         front=runner.front,
         box=found.surrogate.box,
         objective=found.objective,
         model=found.model,
-        surrogate=found.model,
         jacobian=found.jacobian,
         sigma=found.sigma,
         check=check,
         moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),
         confirmed=inside and confirms(move, found.sigma, found.roughness),
         missed=missed,
-        mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
         deviations=found.surrogate.residuals / np.sqrt(found.surrogate.degrees_of_freedom),
     )
-
-
-def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
-    """Optimum on the surrogate's mesh minus the optimum, shape [d], by one run; None if it fails.
-
-    A search on that mesh would also follow its roughness.
-    """
-    runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
-    if runs.prediction is None:
-        return None
-    change = found.objective.vectors(runs.prediction)[0] - found.model(found.x)[0]
-    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds 0
 
 
 def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float]:

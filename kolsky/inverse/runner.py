@@ -114,29 +114,18 @@ class Runner:
                 values, numerics, motion=motion, material=material, all_nodes=all_nodes, progress=report
             )
 
-    def run(
-        self,
-        stage: str,
-        points: FloatArray,
-        numerics: Numerics,
-        *,
-        all_nodes: bool = False,
-        recorded: bool = True,
-    ) -> Runs:
-        """Run points of shape [n, d], also outside the box; with `recorded`, add them to the table."""
+    def run(self, stage: str, points: FloatArray, numerics: Numerics, *, all_nodes: bool = False) -> Runs:
+        """Run points of shape [n, d], also outside the box, and add them to the table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
-        if recorded:
-            place = mesh, self.front.path, self.offset(mesh)
-            self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
+        place = mesh, self.front.path, self.offset(mesh)
+        self.table.add(stage, self.solver_values(points, mesh), runs, problem.observations, on=place)
         return runs
 
-    def simulate(
-        self, stage: str, design: Design, numerics: Numerics, *, all_nodes: bool = False
-    ) -> CompletedRuns:
+    def simulate(self, stage: str, design: Design, numerics: Numerics) -> CompletedRuns:
         """Run a design and record it; raises ValueError if no run completed."""
-        runs = self.run(stage, design.points, numerics, all_nodes=all_nodes)
+        runs = self.run(stage, design.points, numerics)
         return runs.completed(f"no run of the {stage} completed")
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:

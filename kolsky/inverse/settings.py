@@ -222,8 +222,6 @@ class JointSettings:
     """Standard uncertainty of the force scale of each shot, in addition to a shared calibration [-]."""
     scatter: Annotated[bool, Option("Assume no specimen-to-specimen scatter.", panel=TOGETHER)] = True
     """True if the shots may differ in stiffness beyond their noise; the scatter is estimated."""
-    choose: bool = True
-    """True if the model with relaxation is compared with a model without it."""
     seed: int = 1
 
     def __post_init__(self) -> None:

@@ -126,7 +126,6 @@ QUALITY = {
     "check_shift_sigmas": ("optimum moved by the last check run", 1.0, " σ"),
     "check_force": ("force, against the last check run, rms", 1.0, " N"),
     "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
-    "runs_needed": ("runs around the optimum that would be enough", 1.0, ""),
     "lost_mesh_runs": ("failed runs for the mesh’s error", 1.0, ""),
     "counted_points": ("outline points counted in the search", 1.0, ""),
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),

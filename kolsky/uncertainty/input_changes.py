@@ -394,8 +394,6 @@ class InputDirections:
 
     names: tuple[str, ...]
     """Free parameters, length d."""
-    x: FloatArray
-    """The optimum in SI, shape [d]."""
     objective: Objective
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
@@ -509,7 +507,7 @@ def input_directions(
         found.append(InputDirection(key, step, np.nan_to_num(change), value))
         runner.work.progress("inputs", done + 1, len(wanted))
     runner.work.progress("inputs", len(wanted), len(wanted))
-    return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
+    return InputDirections(box.names, objective, vector, jacobian, tuple(found), absent)
 
 
 def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:

@@ -212,25 +212,19 @@ def _unit(e: Estimate) -> str:
 
 
 def _route_disagreement(result: Identification) -> Iterator[str]:
-    """Warning if the check run does not confirm the surrogate, with the number of further runs needed."""
+    """Warning if the check run does not confirm the surrogate."""
     if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
         shift = result.surrogate.get("check_shift_sigmas")
         by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
-        needed, cure = result.surrogate.get("runs_needed"), ""
-        if len(result.estimates) > 1:  # found by steps on the refined mesh, not by a surrogate
-            cure = (
-                "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold "
-                "what the data hardly determine (--hold)"
-            )
-        elif needed is not None:
-            cure = (
-                f"; about {needed:.0f} runs around the optimum would be enough"
-                if isfinite(needed)
-                else "; more runs do not reduce it, because the response is rough: shrink the bounds"
-            )
+        cure = (
+            "its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold what the "
+            "data hardly determine (--hold)"
+        )
+        if any("roughness" in e.numerical_parts for e in result.estimates.values()):
+            cure = "the response is rough: shrink the bounds (--free NAME=LOW:HIGH)"
         yield (
-            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the "
-            f"value{cure}"
+            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the value; "
+            f"{cure}"
         )
 
 

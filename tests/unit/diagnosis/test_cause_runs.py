@@ -10,13 +10,10 @@ import pytest
 
 from explicit import Outcome, Stepping
 from kolsky.diagnosis import cause_model
-from kolsky.diagnosis.cause_inputs import changed_vector, stretched
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
-from kolsky.diagnosis.causes import _stretched_runs
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.input_records import Change
-from kolsky.shot.inputs import causes
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
@@ -29,7 +26,7 @@ class Counted(CauseModel):
         box = SimpleNamespace(names=("m",), dimension=1)
         problem = SimpleNamespace(settings=SimpleNamespace(held={}), box=box)
         self.runner: Any = SimpleNamespace(problem=problem)
-        self.first, self.runs = None, 0
+        self.first = None
         self._recent: dict[object, Any] = {}
 
     def _launch(self, points: Any, numerics: Any = None) -> Any:
@@ -69,7 +66,6 @@ def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
     ]  # fmt: skip
     assert model.respond(asked) == [1.0, 2.0, 1.0, 1.0, None, 3.0, 2.0]
     assert launched == [[[1.0, 2.0, 9.0], [1.0, 3.0]]]
-    assert model.runs == 5
 
 
 def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]]) -> None:
@@ -118,58 +114,3 @@ def test_a_run_that_takes_many_more_steps_than_the_answer_is_lost_but_not_on_the
     assert refined.forward.most_steps == Stepping.max_steps
     few = replace(many.forward, most_steps=100).run(many.points, many.numerics)
     assert few.outcomes[0] is Outcome.STEP_LIMIT
-
-
-SLOWER = 1.03  # factor on the times of all frames
-
-
-def at_rate(m: float, damping: float, s: float) -> Any:
-    """A coarse run of a shipped shot with the frames' times multiplied by s, and its shot."""
-    prepared = prepare_shot(load_shot(OPEN_01))
-    forward = replace(prepared.forward, paths=(prepared.path.faster(1.0 / s),))
-    values = {"stiffness_factor": m, "poisson": 0.49, "damping": damping}
-    return forward.run(values, Numerics(mesh=(10, 14))), prepared.observations
-
-
-def test_a_stretched_run_is_the_run_with_slower_frames_and_a_softer_specimen() -> None:
-    """Density times length^2 / time^2 is a stress. So m / s^2 and s beta move alike, s times as slowly."""
-    run, seen = at_rate(1.2, 20e-6, 1.0)
-    softer, _ = at_rate(1.2 / SLOWER**2, 20e-6 * SLOWER, SLOWER)
-    rate = Change(film=SLOWER)
-    made, right = changed_vector(rate, stretched(run, SLOWER), seen), changed_vector(rate, softer, seen)
-    n = seen.n_force
-    # Rounding of the steps, 1e-3 of the force; without the factor on the force 6 %.
-    assert made[:n] == pytest.approx(right[:n], abs=1e-3 * np.abs(right[:n]).max())
-    assert made[n:] == pytest.approx(
-        right[n:], abs=2e-5
-    )  # straight lines between frames and nodes: up to 18 um
-    # The outline of the run itself, to 1 % of its noise: the first frame lies a little after the start.
-    assert made[n:] == pytest.approx(changed_vector(Change(), run, seen)[n:], abs=1e-7)
-
-
-def test_the_rate_of_the_frames_is_found_by_stretching_the_answer_s_run() -> None:
-    """The answer of a film that is 3 % too fast is 6 % too stiff, with the right outline."""
-    run, seen = at_rate(1.2, 20e-6, 1.0)
-    softer, _ = at_rate(1.2 / SLOWER**2, 20e-6 * SLOWER, SLOWER)
-    data = changed_vector(Change(film=SLOWER), softer, seen)
-    lower, upper = np.array([0.5, 0.0]), np.array([2.5, 1e-4])
-    names = ("stiffness_factor", "damping")
-    search: Any = SimpleNamespace(
-        x=np.array([1.2, 20e-6]),
-        problem=SimpleNamespace(box=SimpleNamespace(names=names)),
-        model=SimpleNamespace(
-            refined=run, first=None, observations=seen, offset=None, lower=lower, upper=upper
-        ),
-        residual=lambda vector: vector - data,
-        relieved=lambda residual, c: residual,
-        loss=lambda misfits: float(misfits.sum()),
-        expected=SimpleNamespace(misfits=lambda residual: np.array([(residual[: seen.n_force] ** 2).sum()])),
-    )
-    found = _stretched_runs(search, causes())
-    best = min(found, key=lambda t: search.loss(t.misfits))
-    assert best.value == pytest.approx(SLOWER, abs=1e-3)  # the step of the factors tried
-    assert best.x == pytest.approx([1.2 / SLOWER**2, 20e-6 * SLOWER], rel=3e-3)  # twice the step
-    search.model.upper = np.array([1.13, 1e-4])  # the right point lies outside
-    assert min(t.u for t in _stretched_runs(search, causes())) > 0.9 * (np.sqrt(1.2 / 1.13) - 1.0)
-    search.model.first = causes()[0]
-    assert _stretched_runs(search, causes()) == []

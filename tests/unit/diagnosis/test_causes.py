@@ -1,6 +1,5 @@
 """The tried inputs, the order in which they are named, and their texts."""
 
-from dataclasses import replace
 from math import inf, isfinite, nan
 from types import SimpleNamespace
 from typing import Any
@@ -263,10 +262,8 @@ def test_what_no_evidence_names_is_named_by_its_share_or_by_what_it_does_to_the_
 def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_own() -> None:
     """Strong ones within `KEPT` of the best, if there are two at least, and no more than `CONTENDERS`."""
 
-    fitted: Any = SimpleNamespace()
-
-    def best(key: str, loss: float, fit: Any = fitted) -> Best:
-        one = replace(trial(key, 1.1, loss), fit=fit)
+    def best(key: str, loss: float) -> Best:
+        one = trial(key, 1.1, loss)
         return Best(one, one, SimpleNamespace())  # type: ignore[arg-type]
 
     judge: Any = search()
@@ -278,17 +275,11 @@ def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_o
     assert _contenders(judge, far) == []
     weak = [best(SENSITIVITY, 90.0), best(DENSITY, 101.0)]
     assert _contenders(judge, weak) == []
-    # A stretched run has no slopes: its point is always run, however far the others are.
-    alone = [best(SENSITIVITY, 61.0), best("frames.time", 0.0, None)]
-    assert [b.own.candidate.key for b in _contenders(judge, alone)] == ["frames.time"]
 
 
 def test_inputs_that_explain_all_are_compared_by_runs_of_their_own() -> None:
     """Evidence ends at the residual of a correct model. Its loss does not: there the meshes decide."""
-    fitted: Any = SimpleNamespace()
-    tried = [
-        replace(trial(key, 1.1, loss), fit=fitted) for key, loss in ((SENSITIVITY, -90.0), (DENSITY, -5.0))
-    ]
+    tried = [trial(key, 1.1, loss) for key, loss in ((SENSITIVITY, -90.0), (DENSITY, -5.0))]
     judge: Any = search()
     judge.gain = lambda misfits: 200.0 - max(float(np.log(misfits[0])), 0.0)
     both = [Best(t, t, SimpleNamespace()) for t in tried]  # type: ignore[arg-type]

@@ -43,7 +43,7 @@ def test_an_allowance_is_least_squares_with_its_prior_and_ends_at_its_bounds() -
     B[0, 0], B[1, 1], B[2, 2], A[3, 0] = 3.0, 3.0, 0.5, 2.0
     r[:4] = [0.9, -60.0, 0.8, 5.0]
     fit = fit_linear(r, A, expected(), Allowances(B, np.full(3, -2.0), np.full(3, 2.0)))
-    tau = float(fit.tau[0])
+    tau = float(expected().with_tau(fit.residual).tau[0])
     weight = 1.0 / (1.0 + tau**2)
     first, third = -3.0 * 0.9 * weight / (9.0 * weight + 1.0), -0.5 * 0.8 * weight / (0.25 * weight + 1.0)
     # 60 would take an amplitude of 18 and more: it ends at 2.

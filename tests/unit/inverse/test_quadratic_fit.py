@@ -48,9 +48,7 @@ class MadeUp:
     objective = Runner.objective
     front = FrontPath(None)  # type: ignore[arg-type]
 
-    def __init__(
-        self, *, jumps: float, side: str = "coulomb", ringing: float = 0.0, lost: bool = False
-    ) -> None:
+    def __init__(self, *, jumps: float, side: str = "coulomb", ringing: float = 0.0) -> None:
         self.box, self.rng = BOX, np.random.default_rng(4)
         self.settings = Settings(
             free=dict.fromkeys(BOX.names), numerics=Numerics(mesh=(8, 11)), refined_mesh=REFINED
@@ -60,7 +58,7 @@ class MadeUp:
         interface = SimpleNamespace(faces="bonded", side=side)
         self.prepared = SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(interface=interface)))
         noise = np.random.default_rng(0).standard_normal(TIME.size) * NOISE
-        self.ringing, self.jumps, self.lost = ringing, jumps, lost
+        self.ringing, self.jumps = ringing, jumps
         sigma = np.full(TIME.size, NOISE)
         self.observations = observe(
             ForceHistory(TIME, self.clean(TRUTH) + noise, sigma), None, window=(0.0, 1e-3), bin_width=1e-5
@@ -98,22 +96,13 @@ class MadeUp:
             points=design.points, rows=rows, prediction=self.predicted(design.points, numerics), lost=""
         )
 
-    def run(
-        self,
-        stage: str,
-        points: np.ndarray,
-        numerics: Numerics,
-        *,
-        all_nodes: bool = False,
-        recorded: bool = True,
-    ) -> Runs:
-        """Run points; beside the table they may be lost."""
-        lost = self.lost and not recorded
-        if recorded:
-            self.designs.append((stage, points))
+    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Runs:
+        """Run points."""
+        self.designs.append((stage, points))
         response: Any = SimpleNamespace(select=lambda rows: None)
-        seen, rows = None if lost else self.predicted(points, numerics), np.arange(0 if lost else len(points))
-        return Runs(self.box.names, points, response, rows, seen)
+        return Runs(
+            self.box.names, points, response, np.arange(len(points)), self.predicted(points, numerics)
+        )
 
 
 def run(made: MadeUp, start: np.ndarray) -> Any:
@@ -137,19 +126,6 @@ def test_a_rough_response_is_averaged_and_its_roughness_told() -> None:
     assert found.confirmed
     edges = np.diff(BOX.unit(np.array([found.box.lower, found.box.upper])), axis=0)
     np.testing.assert_allclose(edges, EDGE, rtol=1e-9)  # a sliding surface keeps the wide box
-
-
-def test_the_other_mesh_moves_it_as_it_should() -> None:
-    found = run(MadeUp(jumps=0.0), TRUTH + MESH_ERROR)
-    # One linear step back over a response that is bilinear: its curvature over the step is 3 %.
-    np.testing.assert_allclose(found.mesh_shift, -MESH_ERROR, rtol=0.05)
-    assert found.moved < 0.01
-
-
-def test_runs_that_are_lost_beside_it_leave_the_search() -> None:
-    start = TRUTH + MESH_ERROR
-    found = run(MadeUp(jumps=0.0, lost=True), start)
-    np.testing.assert_allclose(found.mesh_shift, found.x - start)
 
 
 def test_the_box_follows_an_optimum_that_leaves_it() -> None:

@@ -18,7 +18,7 @@ from populations.joint_gains import table as gain_table
 TRUE = dict(zip(NAMES, (1.2, 0.4985, 25e-6, 0.4, 4e-4), strict=True))
 
 
-def draw(number: int, errors: dict[str, float], asked: bool = True, sentence: str = "") -> dict[str, Any]:
+def draw(number: int, errors: dict[str, float], asked: bool = True) -> dict[str, Any]:
     """An answer that is off by so many sigmas, whose intervals are two of them to either side."""
     estimates = {}
     for name, true in TRUE.items():
@@ -29,7 +29,7 @@ def draw(number: int, errors: dict[str, float], asked: bool = True, sentence: st
             "interval_95": [value - 2.0 * sigma, value + 2.0 * sigma],
             "outcome": "identified" if asked else "not seen by the data",
         }
-    choice = {"aic": -3.0, "probability": 0.01, "asked_for": asked, "sentence": sentence}
+    choice = {"aic": -3.0, "probability": 0.01, "asked_for": asked, "sentence": ""}
     found = {"estimates": estimates, "model_choice": choice, "scatter_between_shots": None}
     return {"number": number, "truth": TRUE, "found": found, "error": "", "seconds": 1.0}
 
@@ -37,14 +37,14 @@ def draw(number: int, errors: dict[str, float], asked: bool = True, sentence: st
 EACH = [
     draw(0, {}),
     draw(1, {"prony_time_1": 1.9, "stiffness_factor": -2.1}),
-    draw(2, {"prony_time_1": 2.1}, asked=False, sentence="not decided whether"),
+    draw(2, {"prony_time_1": 2.1}, asked=False),
     {"number": 3, "truth": TRUE, "found": None, "error": "a run was lost", "seconds": 1.0},
 ]
 
 
 def test_counts_by_hand() -> None:
     said = summary(EACH)
-    assert (said["draws"], said["answered"], said["not decided"], said["called identified"]) == (4, 3, 1, 2)
+    assert (said["draws"], said["answered"], said["called identified"]) == (4, 3, 2)
     counts = {name: said[name]["held"]["count"] for name in NAMES}
     # A refused draw holds nothing.
     assert counts == {
@@ -98,7 +98,7 @@ def test_the_table_has_a_column_a_parameter_and_the_control_none_for_a_pair() ->
     assert lines[4].startswith("| 95 % intervals that hold the truth | 2 of 4 (7 to 93 %) | 3 of 4")
     assert lines[5] == "| misses: too high, too low | 0, 1 | 0, 0 | 0, 0 | 0, 0 | 1, 0 |"
     control = table(said | {"study": study | {"elastic": True}})
-    assert "Relaxation asked for: 2 of 4 (7 to 93 %); not decided: 1." in control
+    assert "Relaxation asked for: 2 of 4 (7 to 93 %)." in control
     assert "two standard uncertainties" not in control
     lines = control.splitlines()
     assert lines[2] == "| | $m$ | $\\nu$ | $\\beta$ |"

@@ -299,12 +299,6 @@ def test_what_a_mesh_error_explains_speaks_against_no_model() -> None:
     assert found == pytest.approx(4.0 / 10.0 + 1.0 + np.log(10.0))
 
 
-def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() -> None:
-    said = choice_in_words(666.0, 0.3, asked=False, missed=664.0)
-    assert said.startswith("not decided")
-    assert "ended 664 in -2 ln L above" in said
-
-
 def test_the_choice_otherwise() -> None:
     assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
     assert choice_in_words(2.0, 0.3, asked=False).startswith(

@@ -191,7 +191,6 @@ def linear(**changes: list[float]) -> InputDirections:
     )
     return InputDirections(
         names=("stiffness_factor",),
-        x=np.array([1.1]),
         objective=one,
         vector=np.zeros(4),
         jacobian=np.array([[1.0], [1.0], [0.0], [0.0]]),
@@ -229,7 +228,7 @@ def test_the_weights_of_a_repeated_identification_follow_the_error() -> None:
     vector = plain.data + np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10)
     change = np.repeat([0.0, 6.0], 10)
     found = InputDirections(
-        ("stiffness_factor",), np.ones(1), plain.with_discrepancy(vector), vector, np.ones((20, 1)),
+        ("stiffness_factor",), plain.with_discrepancy(vector), vector, np.ones((20, 1)),
         (InputDirection("a", 0.5, change / 4.0, float("nan")),),
     )  # fmt: skip
     assert 4.0 * found.shift("a")[0] == pytest.approx(-6.0 * 9.0 / 34.0, rel=1e-6)
