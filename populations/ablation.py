@@ -27,7 +27,7 @@ from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import starts
 from populations.driver import add_meshes, answers, command, markdown, write
-from populations.wrong_input_rows import BY_NAME, CURVE, PAIRS, RIGHT, ROWS
+from populations.wrong_input_rows import CURVE, RIGHT, ROWS
 from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
 NAMES = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
@@ -64,6 +64,18 @@ def _with_every_point(runner: Any, start: Any, numerics: Any) -> Any:
     return points, replace(objective, balanced=False)
 
 
+def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any:
+    """`deviance_with_path_noise` for runs with the fitted path only."""
+    found = np.full(len(points), np.inf)
+    counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
+    objective = runner.objective(counted)
+    for row, run in enumerate(runs):
+        if run is not None:
+            found[row] = objective.balanced_deviance(objective.vectors(run)[:1])[0]
+            found[row] += objective.prior_chi2(points[row])
+    return found
+
+
 def _meshes(mesh: Mesh | None = None, refined: Mesh | None = None) -> Callable[[Settings], Settings]:
     """Settings with another mesh of the surrogate or of the answer."""
 
@@ -83,6 +95,11 @@ OF_SEARCH = {
         "a frame's points as one value on coarse meshes",
         "inverse.surrogate_mesh_search.starts",
         _with_every_point,
+    ),
+    "path_noise_of_valleys": Switch(
+        "the flyer's noise when valleys are compared",
+        "inverse.valleys.deviance_with_path_noise",
+        _without_path_noise,
     ),
     "path_on_coarse": Switch(
         "the path's correction on the surrogate's mesh",
@@ -193,12 +210,13 @@ def diagnose(job: Job, name: str) -> dict[str, Any]:
     ledger = Ledger()
     with SWITCHES[name].off(), ledger.watching():
         said = attempt(job)
+    row = next(row for row in ROWS if row.name == job.row)
     return {
         "shot": job.shot.name,
         "switch": name,
         "row": job.row,
         "updates": sum(cost.updates for cost in ledger.costs.values()) / UPDATES,
-        **({"broke": said["broke"]} if "broke" in said else {"end": judged(BY_NAME[job.row], said)}),
+        **({"broke": said["broke"]} if "broke" in said else {"end": judged(row, said)}),
     }
 
 
@@ -278,13 +296,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="another population of the same kind")
     parser.add_argument("--shots", type=int, default=12)
     parser.add_argument("--switches", nargs="+", choices=SWITCHES, default=list(SWITCHES))
-    parser.add_argument("--pairs", action="store_true", help="two wrong inputs in each shot")
     parser.add_argument("--table", type=Path, help="where the answers are written, as JSON")
     add_meshes(parser)
     given = parser.parse_args()
     shots = made(argparse.Namespace(**vars(given), right=given.shots, least=0, threads=1))[: given.shots]
-    rows = PAIRS if given.pairs else ROWS
-    wrong = [row for row in rows if not row.name.startswith(RIGHT) and row.name != CURVE]
+    wrong = [row for row in ROWS if not row.name.startswith(RIGHT) and row.name != CURVE]
     place, meshes = given.out / "jobs", (given.mesh, given.refined_mesh)
     right = {
         place / f"{shot.name}_{name}.json": (shot, name, given.device, *meshes)
@@ -297,11 +313,11 @@ def main() -> None:
         for i, row in enumerate(wrong if name in OF_DIAGNOSIS else ()):
             job = Job(row.name, shots[i % len(shots)], given.device, 1, meshes)
             others[place / f"{job.file(given.out).stem}_{name}.json"] = (job, name)
-    each = answers(answer, right, workers=given.workers) + answers(diagnose, others, workers=given.workers)
+    rows = answers(answer, right, workers=given.workers) + answers(diagnose, others, workers=given.workers)
     if given.table is not None:
         head = {"seed": given.seed, "mesh": given.mesh, "refined_mesh": given.refined_mesh}
-        write(given.table, {**head, "each": each}, indent=1)
-    print(f"{table(each)}\n\n{diagnosis_table(each)}")
+        write(given.table, {**head, "each": rows}, indent=1)
+    print(f"{table(rows)}\n\n{diagnosis_table(rows)}")
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from kolsky.identification import identify
 from kolsky.inverse.result import Verdict
 from populations import coverage_problem as problem
 from populations import driver
+from populations.ablation import OF_SEARCH
 
 PARAMETERS = {
     "m": "stiffness_factor",
@@ -39,6 +40,8 @@ class Study(driver.TruthStudy):
     truth_mesh: tuple[int, int] = (128, 172)
     surface: str = ""
     """Contact law of faces and side. Empty: coulomb if the friction is free, otherwise bonded."""
+    off: str = "all"
+    """Mechanism that is switched off, a name of `populations.ablation.OF_SEARCH`; "all": none."""
 
     def __post_init__(self) -> None:
         finest = max(self.mesh[0], self.refined_mesh[0])
@@ -81,7 +84,8 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
         "figures": {},
     }
     try:
-        result = identify(shot, asked)
+        with OF_SEARCH[study.off].off():
+            result = identify(shot, asked)
     except ValueError as error:
         return {**said, "outcome": str(error), "seconds": time.perf_counter() - started}
     e = result.estimates
@@ -342,6 +346,7 @@ def main() -> None:
     )
     words = "contact law of faces and side; coulomb where the friction is free, else bonded"
     parser.add_argument("--surface", choices=problem.SURFACES, default="", help=words)
+    parser.add_argument("--off", choices=OF_SEARCH, default="all", help="mechanism that is switched off")
     parser.add_argument("--experiments", type=int, default=200)
     parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the experiments")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")

@@ -2,9 +2,9 @@
 
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
 (`kolsky.inverse.valleys`). Least-squares searches start in the likeliest valleys and run in parallel. They
-use the solver directly, without a surrogate (`doe.least_squares`). The likeliest result is searched further,
-with the flyer's noise. The search on the surrogate's mesh starts there. In all searches, the points of a
-frame count as one value. The outline's error on a coarse mesh is a smooth field.
+use the solver directly, without a surrogate (`doe.least_squares`). From the likeliest result, the maximum of
+the likelihood is searched (`kolsky.inverse.valleys`). The search on the surrogate's mesh starts there. In all
+searches, the points of a frame count as one value. The outline's error on a coarse mesh is a smooth field.
 Point by point, it would lead least squares out of the valley in which model and force are in phase. The
 search coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
 for any nu. A single parameter is found with a surrogate; its path is corrected as for several.
@@ -38,9 +38,8 @@ from kolsky.inverse.settings import Numerics
 from kolsky.inverse.valleys import (
     VALLEY,
     from_search,
+    likeliest_floor,
     likely_valleys,
-    margin,
-    oscillations_apart,
     search_box,
     to_search,
     valley_levels,
@@ -72,8 +71,6 @@ class MeshOptimum:
     """Standard deviation with a frame's points as one value, shape [d]; infinite if no entry varies."""
     least_sigma: FloatArray
     """Standard deviation if every value counted as often as a frame has points, shape [d]."""
-    deviance: float = np.nan
-    """-2 ln of likelihood and prior up to a constant [-]; NaN if it was not computed."""
 
 
 @dataclass(frozen=True)
@@ -99,28 +96,18 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
     surrogate, first = problem.numerics, problem.first
     points, objective = starts(runner, start, first)
     ends = _least_squares_on(runner, objective, first, points, FIRST_STEPS)
-    begin, valley_margin = ends[0].x, np.inf
+    begin, margin = ends[0].x, np.inf
     if VALLEY in problem.box.names:
-        apart = oscillations_apart(problem, np.array([end.x for end in ends]))
-        valley_margin = margin(np.array([end.deviance for end in ends]), apart)
+        floor = likeliest_floor(runner, np.array([end.x for end in ends]), first, objective.counted)
+        begin, margin = floor.x, floor.margin
         if problem.settings.replicates:
-            runner = _with_patterns(runner, begin, first)
+            runner = runner.under(runner.front.with_noise(floor.patterns))
             objective = replace(objective, front=runner.front.noise)
     (best,) = _least_squares_on(runner, objective, first, begin[None], MOST_STEPS)
     fine = best
     if surrogate.mesh != first.mesh:
         (fine,) = _least_squares_on(runner, objective, surrogate, best.x[None], MOST_STEPS)
-    return replace(follow_meshes(runner, objective, fine, best.x - fine.x), valley_margin=valley_margin)
-
-
-def _with_patterns(runner: Runner, x: FloatArray, numerics: Numerics) -> Runner:
-    """The runner with the patterns of the flyer's noise at a point; the same if its run fails."""
-    (runs,) = runner.under_other_motions(x[None], runner.front_jerks, numerics)
-    if runs is None:
-        return runner
-    change = data_change(runs)[1:]
-    modes = PathModes.of(change, noise_of(runner.problem.observations), change)
-    return runner.under(runner.front.with_noise(modes.patterns))
+    return replace(follow_meshes(runner, objective, fine, best.x - fine.x), valley_margin=margin)
 
 
 def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
@@ -239,6 +226,5 @@ def _least_squares_on(
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     many = np.sqrt(objective.points_per_frame)
     return [
-        MeshOptimum(from_search(box, end.x), end.sigma * edges, end.sigma * edges / many, end.deviance)
-        for end in found
+        MeshOptimum(from_search(box, end.x), end.sigma * edges, end.sigma * edges / many) for end in found
     ]

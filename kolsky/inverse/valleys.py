@@ -7,22 +7,29 @@ in the number of oscillations, N = T c / (2 L), with the window T, the length L 
 4 G / 3) / rho. The scan takes equal steps of N.
 
 On a coarse mesh the outline's error is a smooth field, many times its noise. The points of a frame therefore
-count as one value when valleys are compared. The search continues from the likeliest floor. Its coordinate of
-Poisson's ratio is log(1 - 2 nu). A valley is a few percent of 1 - 2 nu wide.
+count as one value when valleys are compared. At the floor of each valley, some runs with other motions of the
+flyer are made, because noise of the motion may explain ringing. The search continues from the likeliest
+floor. Its coordinate of Poisson's ratio is log(1 - 2 nu). A valley is a few percent of 1 - 2 nu wide.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 
 from doe import Box
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import FrontNoise, Objective
+from kolsky.inverse.observations import Prediction
 from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.path_noise import PathModes, data_change, noise_of
 from kolsky.inverse.problem import InverseProblem, PreparedShot
+from kolsky.inverse.runner import Runner
+from kolsky.inverse.settings import Numerics
 
 VALLEY = "poisson"
 """The parameter that causes many valleys of the misfit."""
@@ -108,16 +115,67 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
     return list(dict.fromkeys(found))
 
 
+def deviance_with_path_noise(
+    runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
+) -> FloatArray:
+    """-2 ln of likelihood and prior at points, [n], with flyer's noise and balanced frames; inf if lost."""
+    found = np.full(len(points), np.inf)
+    # All points use the same outline points, because likelihoods of different data cannot be compared.
+    counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
+    for row, prediction in enumerate(runs):
+        if prediction is not None:
+            front = FrontNoise(patterns_of(runner.problem, prediction))
+            objective = replace(runner.objective(counted), front=front)
+            vector = objective.vectors(prediction)[:1]
+            found[row] = objective.balanced_deviance(vector)[0] + objective.prior_chi2(points[row])
+    return found
+
+
+def patterns_of(problem: InverseProblem, prediction: Prediction) -> FloatArray:
+    """Patterns of the flyer's noise from runs with other motions, shape [q, n_bins + n_points]."""
+    change = data_change(prediction)[1:]
+    return PathModes.of(change, noise_of(problem.observations), change).patterns
+
+
 LEAST_MARGIN = 25.0
 """Smallest rise of -2 ln L at the next valley of Poisson's ratio [-]. If the ringing is weak, the error of a
-coarse mesh can be as large. Of 200 synthetic tests, the two with a wrong valley have 3 and 24.5, the others
-have 168 to 1040 (docs/validation/coverage.md)."""
+coarse mesh can be as large. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to
+690 (docs/validation/coverage.md)."""
 OTHER_VALLEY = 2.0
 """A floor farther than this from the likeliest one belongs to another valley [oscillations]."""
 
 
+@dataclass(frozen=True)
+class Floor:
+    """The floor of the likeliest valley."""
+
+    x: FloatArray
+    """Point in parameter units, shape [d]."""
+    patterns: FloatArray
+    """Patterns of the flyer's noise there, one standard deviation each, shape [q, n_bins + n_points]."""
+    margin: float
+    """-2 ln of likelihood and prior at the next valley's floor minus that here [-]; infinite without one."""
+
+
+def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Floor:
+    """The floor of the likeliest valley.
+
+    ``floors``: in parameter units, shape [n, d]. ``inside``: outline points that every run reaches. Raises
+    ValueError if no run at a floor completes.
+    """
+    runs = runner.under_other_motions(floors, runner.front_jerks, numerics)
+    values = deviance_with_path_noise(runner, floors, runs, inside)
+    first = int(np.argmin(values))
+    found = runs[first]
+    if found is None:
+        raise ValueError("no run at a floor of the valleys of Poisson's ratio completed")
+    order = np.r_[first, np.delete(np.arange(len(floors)), first)]
+    apart = np.abs(_oscillations_at(runner, floors[order]) - _oscillations_at(runner, floors[[first]]))
+    return Floor(floors[first], patterns_of(runner.problem, found), margin(values[order], apart))
+
+
 def margin(values: FloatArray, apart: FloatArray) -> float:
-    """Margin of the likeliest floor relative to the likeliest other valley [-]; infinite without one.
+    """Margin of the likeliest floor relative to the likeliest other valley [-].
 
     ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: from it, [n].
     """
@@ -125,14 +183,13 @@ def margin(values: FloatArray, apart: FloatArray) -> float:
     return float(np.min(others, initial=np.inf) - values[0])
 
 
-def oscillations_apart(problem: InverseProblem, floors: FloatArray) -> FloatArray:
-    """Distance of floors from the first one, [n, d] -> [n], in oscillations at its stiffness."""
-    box = problem.box
+def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
+    """Oscillations over the whole test at points, [n, d] -> [n], with the stiffness of the first point."""
+    box = runner.problem.box
     i = box.names.index(VALLEY)
-    factor = float(floors[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
-    table, number = oscillation_table(problem.prepared, factor, (box.lower[i], box.upper[i]))
-    at = np.interp(floors[:, i], table, number)
-    return np.asarray(np.abs(at - at[0]))
+    factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
+    table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
+    return np.asarray(np.interp(points[:, i], table, number))
 
 
 def search_box(box: Box) -> Box:

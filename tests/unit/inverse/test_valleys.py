@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse import surrogate_mesh_search
-from kolsky.inverse.objective import FrontNoise, Prior
-from kolsky.inverse.path_noise import PATTERNS
-from kolsky.inverse.surrogate_mesh_search import MeshOptima, _least_squares_on, search_meshes
+from kolsky.inverse.objective import Prior
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.path_noise import PATTERNS, FrontPath
+from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import (
     MOST_LEVELS,
     PHASE,
+    deviance_with_path_noise,
     equal_steps,
+    likeliest_floor,
     likely_valleys,
     local_minima,
     margin,
     oscillations,
-    oscillations_apart,
     small_strain_modulus,
 )
 from tests.unit.inverse.test_likely_path import Onset, off_by
 from tests.unit.inverse.test_objective import NOISE_FORCE, objective
-from tests.unit.inverse.test_several_parameters import TRUTH, MadeUp
 
 
 def test_modulus_is_the_slope_through_the_origin_at_small_strains() -> None:
@@ -109,9 +109,60 @@ def test_patterns_enough_for_an_onset() -> None:
     n, patterns = 40, 12
     basis = 6.0 * np.linalg.qr(np.random.default_rng(5).standard_normal((n, n)))[0].T
     brought, other = basis[:patterns].sum(axis=0), basis[patterns : 2 * patterns].sum(axis=0)
-    one = replace(objective(np.zeros(40), np.empty(0)), front=FrontNoise(basis[:patterns][:PATTERNS]))
-    found = one.deviance(np.array([brought, other]))
+
+    class Begun(Ringing):
+        def under_other_motions(self, n: int) -> list[Prediction | None]:
+            moved = np.vstack([np.zeros((1, 40)), basis[: min(n, patterns)]])
+            empty = np.empty((len(moved), 0))
+            seen = [Prediction(empty, own + moved, empty, empty.astype(bool)) for own in (brought, other)]
+            return list(seen)
+
+    made: Any = Begun()
+    found = deviance_with_path_noise(
+        made, np.zeros((2, 1)), made.under_other_motions(PATTERNS), np.empty(0, dtype=bool)
+    )
     assert found[1] - found[0] > 105.0
+
+
+class Ringing:
+    """Two points: one has rung as the flyer's noise lets it, the other is off by as much otherwise."""
+
+    objective = Runner.objective
+
+    def __init__(self, prior: Prior | None = None) -> None:
+        observations = objective(np.zeros(40), np.empty(0)).observations
+        self.problem, self.front = SimpleNamespace(observations=observations, prior=prior), FrontPath(None)  # type: ignore[arg-type]
+
+    def under_other_motions(self, n: int) -> list[Prediction | None]:
+        t = np.linspace(0.0, 1.0, 40)
+        wave, other = 3.0 * np.sin(40.0 * t), 3.0 * np.cos(23.0 * t)
+        found: list[Prediction | None] = []
+        for own in (wave, other):
+            forces = own + np.array([[0.0], [1.0]]) * wave
+            empty = np.empty((2, 0))
+            found.append(Prediction(empty, forces, empty, empty.astype(bool)))
+        return [*found, None]
+
+
+def test_what_the_motions_noise_explains_does_not_speak_against_a_valley() -> None:
+    made: Any = Ringing()
+    points, inside = np.zeros((3, 1)), np.empty(0, dtype=bool)
+    found = deviance_with_path_noise(made, points, made.under_other_motions(PATTERNS), inside)
+    assert found[0] < found[1] - 50.0
+    assert found[2] == np.inf
+    # By its own residual alone the second is no worse: both have nearly the same mean square.
+    plain = replace(objective(np.zeros(40), np.empty(0)))
+    vectors = np.stack([p.force_bins[0] for p in made.under_other_motions(1)[:2]])
+    assert abs(np.subtract(*plain.deviance(vectors))) < 5.0
+
+
+def test_the_prior_counts_where_valleys_are_compared() -> None:
+    points, inside = np.array([[0.0], [0.0], [0.0]]), np.empty(0, dtype=bool)
+    first: Any = Ringing()
+    runs = first.under_other_motions(PATTERNS)
+    known: Any = Ringing(Prior(np.array([6.0]), np.array([2.0])))
+    with_prior, without = (deviance_with_path_noise(one, points, runs, inside)[:2] for one in (known, first))
+    np.testing.assert_allclose(with_prior - without, 9.0)
 
 
 def test_the_margin_is_of_the_next_valley() -> None:
@@ -120,46 +171,16 @@ def test_the_margin_is_of_the_next_valley() -> None:
     assert margin(np.array([-100.0, -95.0]), np.array([0.0, 1.0])) == np.inf
 
 
-def test_floors_are_apart_by_their_number_of_oscillations() -> None:
-    made: Any = MadeUp()
-    floors = np.array([off_by(share).x for share in (0.1, -3.4, 4.1)])
-    np.testing.assert_allclose(oscillations_apart(made.problem, floors), [0.0, 3.5, 4.0], rtol=1e-2)
-
-
-def test_the_search_continues_from_the_likeliest_floor_with_its_patterns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The third floor is of the first one's valley, the last one is the next: 35 - 5."""
+def test_the_likeliest_floor_and_its_margin() -> None:
     made: Any = Onset(np.array([2.0, -1.5]))
-    shares, values = (0.1, -3.4, 0.2, 4.1), (5.0, 40.0, 9.0, 35.0)
-    ends = [replace(off_by(share), deviance=value) for share, value in zip(shares, values, strict=True)]
-    begun: list[tuple[np.ndarray, Any]] = []
-
-    def least_squares_on(runner: Any, one: Any, numerics: Any, points: np.ndarray, steps: int) -> Any:
-        begun.append((points, one.front.patterns))
-        return ends if len(begun) == 1 else ends[:1]
-
-    def follow_meshes(runner: Any, *_: Any) -> MeshOptima:
-        return MeshOptima({}, runner.front, None)
-
-    monkeypatch.setattr(surrogate_mesh_search, "_least_squares_on", least_squares_on)
-    monkeypatch.setattr(surrogate_mesh_search, "follow_meshes", follow_meshes)
-    assert search_meshes(made, TRUTH).valley_margin == 30.0
-    point, patterns = begun[1]
-    np.testing.assert_array_equal(point, ends[0].x[None])
+    floors = np.array([off_by(share).x for share in (-3.5, 0.1, 4.0)])
+    numerics, inside = made.settings.numerics, np.empty(0, dtype=bool)
+    found = likeliest_floor(made, floors, numerics, inside)
+    np.testing.assert_array_equal(found.x, floors[1])
+    runs = made.under_other_motions(floors, made.front_jerks, numerics)
+    values = deviance_with_path_noise(made, floors, runs, inside)
+    assert found.margin == pytest.approx(min(values[0], values[2]) - values[1])
     # The patterns are those of the floor: they ring at the frequency there.
-    rings = made.rings(ends[0].x)
-    left = patterns - patterns @ np.linalg.pinv(rings) @ rings
-    assert np.abs(left).max() < 1e-9 * np.abs(patterns).max()
-
-
-def test_the_prior_counts_where_valleys_are_compared() -> None:
-    """A search without a step beyond its start: its deviance is that of the data and of the prior there."""
-    made: Any = MadeUp()
-    plain = made.objective(np.empty(0, dtype=bool))
-    known = replace(plain, prior=Prior(np.array([1.0, 0.0]), np.array([0.05, np.inf])))
-    numerics = made.settings.numerics
-    for one, more in ((plain, 0.0), (known, 4.0)):
-        (end,) = _least_squares_on(made, one, numerics, TRUTH[None], 1)
-        vectors = made.vectors("", TRUTH[None], numerics, one)
-        assert end.deviance == pytest.approx(one.deviance(vectors)[0] + more)
+    rings = made.rings(found.x)
+    left = found.patterns - found.patterns @ np.linalg.pinv(rings) @ rings
+    assert np.abs(left).max() < 1e-9 * np.abs(found.patterns).max()
