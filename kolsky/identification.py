@@ -20,7 +20,7 @@ from pathlib import Path
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_inputs import corrected
 from kolsky.diagnosis.causes import find_causes
-from kolsky.diagnosis.clocks import clock_lags
+from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.fit_quality import explains, fit_quality, near_right, residual_sources
 from kolsky.diagnosis.judgement import judged
 from kolsky.inverse.problem import InverseProblem
@@ -78,7 +78,8 @@ def identify(
 
     second = None if explains(fit) else search.held_run()
     causes = find_causes(runner, optimum.x, response.select([0]), other=second, explained=near_right(fit))
-    clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes)
+    reruns = Reruns.of(runner, optimum.x)
+    clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes, again=reruns)
 
     answer = replace(budgeted_answer(search, sources), fit=fit, clocks=clocks, causes=causes.findings)
     return judged(analysis.added_to(answer), search, analysis, sources, causes)
