@@ -172,7 +172,7 @@ def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
     from kolsky.results.printed import fit_line
     from kolsky.results.tables import to_json
 
-    shot, folder = load(job.shot, job.out, forks=processes > 1)
+    shot, folder = load(job.shot, job.out, forks=processes > 1, device=job.settings.numerics.device)
     if job.relaxation is not None:
         shot = with_relaxation(shot, *job.relaxation)
     with usable(shot), progress_bars() as progress:

@@ -242,11 +242,14 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     return spread
 
 
-def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
+def load(
+    shot: Path, out: Path | None, *inside: str, forks: bool = True, device: str = "cpu"
+) -> "tuple[Shot, Path]":
     """The shot and the folder of its results, which is checked before any work.
 
     ``out``: by default the folder "results" of the shot. ``inside``: folders inside it. ``forks``: True if
-    several processes may correlate pictures. Raises InputError if the shot or the folder cannot be used.
+    several processes may correlate pictures. ``device``: where pictures are correlated. Raises InputError if
+    the shot or the folder cannot be used.
     """
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.load import load_shot
@@ -260,7 +263,7 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
 
         keep_freed_memory()
         with progress_bars() as progress, allow_forks() if forks else nullcontext():
-            return measured(pictures, usable_folder(place), progress=progress)
+            return measured(pictures, usable_folder(place), device=device, progress=progress)
 
     loaded = load_shot(shot, measure=measure)
     return loaded, usable_folder(place.joinpath(*inside))

@@ -124,7 +124,7 @@ def plan(
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.information import instruments_of
 
-    loaded, folder = load(shot, out)
+    loaded, folder = load(shot, out, device=numerics.device)
     with usable(loaded), progress_bars() as progress:
         result = planning.plan(
             loaded,

@@ -79,7 +79,7 @@ def simulate(
         sliding_warning,
     )
 
-    loaded, folder = load(shot, out, "simulation")
+    loaded, folder = load(shot, out, "simulation", device=numerics.device)
     with usable(loaded), progress_bars() as progress:
         progress("simulation", 0, 1)
         run = simulation.simulate(

@@ -47,7 +47,7 @@ def sweep(
     texts.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", parameter)
     part = records.part(chosen)
 
-    loaded, folder = load(shot, out)
+    loaded, folder = load(shot, out, device=numerics.device)
     if (vary := choice.vary_of(loaded.interface)) != choice.vary:
         chosen = replace(choice, vary=vary).design()
         part = records.part(chosen)

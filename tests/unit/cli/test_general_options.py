@@ -113,3 +113,22 @@ def test_a_row_fits_its_object_and_no_other() -> None:
 def test_a_command_that_says_something_else_is_noticed() -> None:
     with pytest.raises(AssertionError, match="virtual new prints the keys path"):
         compare(["virtual", "new", "lab", "--json"], '{"path": "lab"}')
+
+
+@pytest.mark.parametrize("words", ["identify", "simulate -p stiffness_factor=1.1", "plan", "sweep"])
+def test_pictures_are_correlated_on_the_device_of_the_solver(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+
+    def measured(pictures: object, folder: Path, *, device: str, progress: object) -> None:
+        seen.append(device)
+        raise typer.Exit(3)
+
+    monkeypatch.setattr("explicit.device.select_device", lambda text: text)  # as if it were there
+    monkeypatch.setattr("kolsky.shot.load.load_shot", lambda shot, measure: measure(None))
+    monkeypatch.setattr("kolsky.shot.optical_data.measured", measured)
+    name, *more = words.split()
+    line = [name, "runs/open-05", *more, "--device", "cuda:1", "--out", str(tmp_path)]
+    assert runner.invoke(app, line).exit_code == 3
+    assert seen == ["cuda:1"]
