@@ -376,13 +376,9 @@ def write_prediction_results(
     scan: Scan | None = None,
     aim: Aim | None = None,
     *,
-    film: str = "",
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of a prediction with its scan and the point found in it, and a film if requested.
-
-    ``film``: "mp4" or "gif"; empty for no film.
-    """
+    """Write the results of a prediction with its scan and the point found in it."""
     from kolsky.prediction.design import write_specification
 
     files = _files_of(found, scan, aim, formats=formats)
@@ -390,10 +386,6 @@ def write_prediction_results(
         from kolsky.report.figures import SCANS
 
         files |= figure_files(formats, found, ((scan, aim), SCANS))
-    if film:
-        from kolsky.report.films import write_prediction_film
-
-        files[f"prediction.{film}"] = lambda path: write_prediction_film(path, found)
     with filling(folder) as partial:
         write_tables(partial, tables_of(found, scan, aim))
         write_files(partial, files)
@@ -408,12 +400,11 @@ def write_specimen_results(
     *,
     formats: Sequence[str] = (),
     vtu: bool = False,
-    stills: bool = False,
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Force curves also give specimen.h5, and curves for `identify`. ``vtu``, ``stills``: also write the last
-    sample of each test for ParaView, and draw it by PyVista.
+    Force curves also give specimen.h5, and curves for `identify`. ``vtu``: also write the last sample of each
+    test for ParaView.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
@@ -428,13 +419,8 @@ def write_specimen_results(
         tables = output.field_tables(view.fit, view.steps, view.stiffness)
         files["specimen.json"] = output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
         solutions, fields = {"sheet": view.fit.cost.state.solution}, view.fields
-    for name, solution in solutions.items():
-        if vtu:
-            files[f"{name}.vtu"] = partial(write_solution_vtu, solution=solution, fields=fields)
-        if stills:
-            from kolsky.report.films import write_specimen_still
-
-            files[f"stills/{name}.png"] = partial(write_specimen_still, solution=solution)
+    for name, solution in solutions.items() if vtu else ():
+        files[f"{name}.vtu"] = partial(write_solution_vtu, solution=solution, fields=fields)
     write_folder(folder, files | figure_files(formats, view), tables)
 
 

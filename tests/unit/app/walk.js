@@ -317,8 +317,6 @@ let second = null;
   await page.mouse.click(seen.x + 0.75 * seen.width, seen.y + 0.5 * seen.height);
   await see(page, "in frame 2", 60);
   found.states.point = await page.$eval("body", (one) => one.innerText.match(/Exx = .* in frame 2/)[0]);
-  await press(page, "Draw the surface");
-  await page.waitForFunction(() => document.querySelector("img[alt='The surface in space']")?.naturalWidth > 100, { timeout: 120000 });
   await pause(800);
   await looked(page, "fields");
   await page.goto(`${origin}/`, { waitUntil: "networkidle2" });
