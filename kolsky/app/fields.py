@@ -11,7 +11,7 @@ from nicegui import ui
 from dic.outcome import PointOutcome
 from dic.surfaces.strains import StrainOutcome
 from kolsky.app import frame
-from kolsky.report.surface_maps import OUTCOME_COLOURS, limits_of, map_png, scale_colours
+from kolsky.report.surface_maps import COLOURS, OUTCOME_COLOURS, limits_of, map_png, scale_colours
 from kolsky.shot.measured_points import OUTCOME, MeasuredPoints
 
 NO_FIELD = ""
@@ -151,9 +151,9 @@ def time_of(points: MeasuredPoints) -> np.ndarray:
     return (1e6 if points.timed else 1.0) * points.surface.t
 
 
-def scale_html(low: float, high: float, unit: str) -> str:
-    """A colour scale with its limits, as HTML."""
-    stops = ", ".join(scale_colours())
+def scale_html(low: float, high: float, unit: str, colours: str = COLOURS) -> str:
+    """The scale of a colour map with its limits, as HTML."""
+    stops = ", ".join(scale_colours(colours))
     digits = max(0, 2 - math.floor(math.log10(high - low)))
     first, last = (f'<span class="soft">{v:.{digits}f} {unit}</span>' for v in (low, high))
     look = f"flex:1;height:.7rem;max-width:16rem;background:linear-gradient(90deg,{stops})"

@@ -17,13 +17,14 @@ from nicegui import ui
 from kolsky.app import frame
 from kolsky.app.copies import changed_value, copy_of, copy_with
 from kolsky.app.draft import Draft
+from kolsky.app.fields import scale_html
 from kolsky.app.what_if import Answer, Misfit, Valley, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Estimate, Identification
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.report.result_folder import RESULT_FILE
-from kolsky.report.scene.drawing import cut_svg
+from kolsky.report.scene.drawing import picture, png_of
 from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
 from kolsky.results.hdf5 import read_identification
 from kolsky.results.nomenclature import factor_of
@@ -214,7 +215,8 @@ class LookView:
 
     def _specimen(self) -> None:
         with ui.column().classes("w-full gap-1"):
-            self.drawing = ui.html(sanitize=False).classes("w-full")
+            self.drawing = ui.interactive_image().classes("w-full").mark("specimen")
+            frame.described(self.drawing, "Cut through the specimen, coloured by a field")
             if self._scene() is None:
                 return
             names = {
@@ -222,6 +224,7 @@ class LookView:
             }
             chosen = frame.choice(names, self.field, "Colour", width="w-64")
             chosen.on_value_change(lambda change: self._colour(str(change.value)))
+            self.scale = ui.html(sanitize=False).classes("w-full")
 
     def _colour(self, field: str) -> None:
         self.field = field
@@ -238,7 +241,9 @@ class LookView:
             self._outline_at(now)
         scene = self._scene()
         if scene is not None:
-            self.drawing.content = cut_svg(scene, int(np.argmin(np.abs(scene.times - now))))
+            pixels = picture(scene, int(np.argmin(np.abs(scene.times - now))), axes=False)
+            self.drawing.set_source(frame.data_uri(png_of(pixels)))
+            self.scale.content = scale_html(*scene.limits, "", FIELDS[self.field].colours)
         if self.result.pictures is not None:
             nearest = int(np.argmin(np.abs(self.result.pictures.time - now)))
             for image, pictures in zip(self.cameras, self.result.pictures.series, strict=True):

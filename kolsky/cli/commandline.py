@@ -83,7 +83,6 @@ GROUPS = {
 BROUGHT_BY = {
     "cv2": "opencv-contrib-python-headless",
     "skimage": "scikit-image",
-    "pyvista": "pyvista",
     "pandas": "pandas",
     "xarray": "xarray",
     "nptdms": "npTDMS",

@@ -14,7 +14,7 @@ from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, ShotPath
+from kolsky.cli.options import Figures, Out, ShotPath, Vtu
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.report.figures_alone import figure_files
 
@@ -28,7 +28,7 @@ def dic(
     ] = "cpu",
     repeat: Annotated[bool, Option("Correlate even if a result exists.", name="again")] = False,
     csv: Annotated[bool, Option("Also write the points of every frame as CSV.")] = False,
-    vtp: Annotated[bool, Option("Also write the surfaces for ParaView (VTU files for a dic.toml).")] = False,
+    vtu: Vtu = False,
     regions: Annotated[
         bool, Option("Draw the regions by hand in the page of `kolsky open`, and save them in the file.")
     ] = False,
@@ -50,7 +50,7 @@ def dic(
         _draw_regions(shot, out, grid=grid)
         return
     if (measurement := find_measurement_file(shot)) is not None:
-        _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtp)
+        _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtu)
         return
     from dic.processes import allow_forks
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
@@ -80,7 +80,7 @@ def dic(
         times["surfaces file"] = now - began - sum(times.values())
         now = perf_counter()
         write_dic_results(
-            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtp=vtp, processes=drawing_processes()
+            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtu=vtu, processes=drawing_processes()
         )
         times["files and page"] = perf_counter() - now
     print_result(

@@ -40,7 +40,6 @@ REQUIRED = (
     "pint",
     "opencv-contrib-python-headless",
     "scikit-image",
-    "pyvista",
     "npTDMS",
     "pandas",
     "xarray",

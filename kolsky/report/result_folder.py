@@ -285,7 +285,7 @@ def write_dic_results(
     *,
     formats: Sequence[str] = (),
     csv: bool = False,
-    vtp: bool = False,
+    vtu: bool = False,
     processes: int = 1,
 ) -> None:
     """Write the results of `kolsky dic` into the folder of dic.h5: page, outline, flyer, reporting table.
@@ -294,8 +294,8 @@ def write_dic_results(
     ----------
     folder, shot, found, formats
         As for `write_results`; the shot has its pictures, as `kolsky.shot.load.load_pictures` gives it.
-    csv, vtp
-        Also write every frame's points as CSV, and as VTP for ParaView.
+    csv, vtu
+        Also write every frame's points as CSV, and as VTU for ParaView.
     processes
         Processes that draw the page.
     """
@@ -312,12 +312,12 @@ def write_dic_results(
             from dic.output import write_frames
 
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
-        if vtp:
-            from kolsky.report.paraview import write_vtp
+        if vtu:
+            from kolsky.report.paraview import write_body_vtu
 
-            write_vtp(partial / "vtp", result.specimen, "specimen")
+            write_body_vtu(partial / "vtu", result.specimen, "specimen")
             if result.flyer is not None:
-                write_vtp(partial / "vtp", result.flyer, "flyer")
+                write_body_vtu(partial / "vtu", result.flyer, "flyer")
         write_files(partial, {"dic.html": render_surfaces(shown, shot.inputs, processes=processes)})
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,11 @@ from matplotlib import colormaps, colors
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
 from kolsky.base.arrays import IntArray
 from kolsky.report.picture_views import OUTCOME_COLOURS
+from kolsky.report.scene.drawing import png_of
 from kolsky.report.scene.scene_data import grid_triangles
 from kolsky.shot.measured_points import OUTCOME, FieldOfPoints, MeasuredPoints
 
@@ -38,9 +37,9 @@ def limits_of(field: FieldOfPoints) -> tuple[float, float]:
     return (low, high) if high - low > widened else (low - 0.5, high + 0.5)
 
 
-def scale_colours() -> list[str]:
-    """Colours of a scale from its lower to its upper end, as hexadecimal text."""
-    return [colors.to_hex(c) for c in colormaps[COLOURS](np.linspace(0.0, 1.0, 24))]
+def scale_colours(name: str = COLOURS) -> list[str]:
+    """Colours of a colour map from its lower to its upper end, as hexadecimal text."""
+    return [colors.to_hex(c) for c in colormaps[name](np.linspace(0.0, 1.0, 24))]
 
 
 def faces_of(points: MeasuredPoints, frame: int) -> IntArray:
@@ -93,7 +92,7 @@ def map_png(
     ax.set_xlim(-0.5, columns - 0.5)
     ax.set_ylim(rows - 0.5, -0.5)
     canvas.draw()
-    return _png(np.asarray(canvas.buffer_rgba()))
+    return png_of(np.asarray(canvas.buffer_rgba()))
 
 
 def _step(points: MeasuredPoints) -> float:
@@ -102,11 +101,3 @@ def _step(points: MeasuredPoints) -> float:
         return 1.0
     span, cells = np.ptp(points.reference, axis=0), np.ptp(points.cell, axis=0)
     return float(max(span / np.maximum(cells, 1)))
-
-
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    import matplotlib.image
-
-    file = BytesIO()
-    matplotlib.image.imsave(file, pixels, format="png")
-    return file.getvalue()
