@@ -32,9 +32,6 @@ def dic(
     regions: Annotated[
         bool, Option("Draw the regions by hand in the page of `kolsky open`, and save them in the file.")
     ] = False,
-    grid: Annotated[
-        bool, Option("Write pictures with a grid, to enter the regions by hand without a page.")
-    ] = False,
     figures: Figures = (),
 ) -> None:
     """Correlate a shot's pictures: surfaces, outline and the flyer's displacement, each with its sigma.
@@ -46,8 +43,14 @@ def dic(
     """
     from kolsky.schema.pictures import find_measurement_file
 
-    if regions or grid:
-        _draw_regions(shot, out, grid=grid)
+    if regions:
+        from kolsky.schema.shot_file import folder_of
+        from kolsky.shot.dic import open_region_session
+
+        open_region_session(shot)  # bad input is refused before a page is opened
+        from kolsky.app.server import serve
+
+        serve(folder_of(shot), first="/pictures?shot=.")
         return
     if (measurement := find_measurement_file(shot)) is not None:
         _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtu)
@@ -131,23 +134,6 @@ def _measure_pictures(
         files={"result": folder / "dic.h5", "page": folder / "dic.html"},
         warnings=remarks,
     )
-
-
-def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
-    """Regions by hand: with a grid, or in the pages of `kolsky open`."""
-    from kolsky.pictures.regions import write_grids
-    from kolsky.schema.shot_file import folder_of
-    from kolsky.shot.dic import frames_to_show, open_region_session
-
-    session = open_region_session(source)  # bad input is refused before a page is opened
-    if grid:
-        folder = usable_folder(out or session.path.parent / "results" / "regions")
-        for path in write_grids(folder, session, frames_to_show(session)):
-            typer.echo(path)
-        return
-    from kolsky.app.server import serve
-
-    serve(folder_of(source), first="/pictures?shot=.")
 
 
 _RIG_FILE = "rig.yml"
