@@ -36,7 +36,7 @@ def write_grid(
     named = {escape(name): np.asarray(values) for name, values in fields.items()}  # meshio does not escape
     mesh = meshio.Mesh(points, [(CELLS[kind], cells)], point_data=named)
     with replacing(path) as partial:
-        meshio.vtu.write(partial, mesh, compression=None, header_type="UInt64")
+        meshio.vtu.write(partial, mesh)
 
 
 def write_series(path: Path, times: Sequence[float], files: Sequence[Path]) -> None:
