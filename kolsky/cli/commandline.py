@@ -82,7 +82,6 @@ BROUGHT_BY = {
     "cv2": "opencv-contrib-python-headless",
     "skimage": "scikit-image",
     "pandas": "pandas",
-    "xarray": "xarray",
     "meshio": "meshio",
     "nptdms": "npTDMS",
     "RigolWFM": "RigolWFM",

@@ -503,7 +503,7 @@ def test_a_shot_from_exports_needs_few_libraries(tmp_path: Path) -> None:
     """Some are not loaded by it; others need not be installed."""
     code = (
         "import sys; from pathlib import Path\n"
-        "for name in ('cv2', 'skimage', 'pyvista', 'vtk', 'pandas', 'xarray', 'imageio'):\n"
+        "for name in ('cv2', 'skimage', 'pyvista', 'vtk', 'pandas', 'imageio'):\n"
         "    sys.modules[name] = None\n"
         "from kolsky.shot.load import load_shot; load_shot(Path('runs/open-01'))\n"
         "import kolsky.identification, kolsky.report.result_folder\n"
