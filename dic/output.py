@@ -376,7 +376,7 @@ def points_dataframe(result: FullField) -> Any:
     """
     surface, strain = result.surface, result.strain
     frame, point = np.indices(surface.outcome.shape)
-    columns: dict[str, NDArray[Any]] = {"frame": frame, "point": point, "t": surface.t[frame]}
+    columns: dict[str, Any] = {"frame": frame, "point": point, "t": surface.t[frame]}
     columns |= {f"X_{name}": surface.X[point, k] for k, name in enumerate(COMPONENTS)}
     columns |= {name: result.cell[point, k] for k, name in enumerate(("column", "row"))}
     for k, name in enumerate("uv" if result.kind == "plane" else "uvw"):
