@@ -1,4 +1,4 @@
-"""Results as tables: CSV files with VIC-3D's variable names, pandas, xarray, and the reporting table.
+"""Results as tables: CSV files with VIC-3D's variable names, pandas, and the reporting table.
 
 The reporting table has the entries required by the iDICs Good Practices Guide (Jones and Iadicola (eds.), 2nd
 edition): hardware, pattern, analysis and noise floors.
@@ -322,15 +322,6 @@ def pandas() -> Any:
     return package
 
 
-def xarray() -> Any:
-    """The package xarray; an ImportError explains how to install it."""
-    try:
-        import xarray as package
-    except ImportError:
-        raise ImportError("this needs xarray: pip install xarray") from None
-    return package
-
-
 def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
     """Names and values as an HTML table; all text is escaped."""
     from html import escape
@@ -377,40 +368,21 @@ def to_dataframe(surface: SurfaceHistory) -> Any:
     return pandas().DataFrame(columns)
 
 
-def to_xarray(surface: SurfaceHistory) -> Any:
-    """Frames x points x components with coordinates; lost points are NaN, `outcome` gives the reason."""
-    valid = surface.valid[..., None]
-    dims = ("frame", "point", "component")
-    return xarray().Dataset(
-        {
-            "u": (dims, np.where(valid, surface.u, np.nan), {"units": "m"}),
-            "sigma": (dims, np.where(valid, surface.sigma, np.nan), {"units": "m"}),
-            "outcome": (dims[:2], surface.outcome, {"meaning": ", ".join(map(repr, PointOutcome))}),
-        },
-        coords={
-            "t": ("frame", surface.t, {"units": "s"}),
-            "X": (dims[1:], surface.X, {"units": "m"}),
-            "component": list(COMPONENTS),
-        },
-    )
+def points_dataframe(result: FullField) -> Any:
+    """One row per point and frame: displacements u, v, w and strains with their sigmas; NaN for lost points.
 
-
-def full_field_dataset(result: FullField) -> Any:
-    """Displacements u, v and w and strains with their sigmas, over frames and points; lost points are NaN.
-
-    Lengths are in the result's unit. ``u``, ``v`` and ``w`` are along x, y and Z; a plane has no w.
+    Lengths are in the result's unit. ``u``, ``v`` and ``w`` are along x, y and Z; a plane has no w. `outcome`
+    is the number of the `PointOutcome`.
     """
-    surface, strain, dims = result.surface, result.strain, ("frame", "point")
-    length, valid = {"units": result.unit}, surface.valid
-    variables: dict[str, Any] = {}
+    surface, strain = result.surface, result.strain
+    frame, point = np.indices(surface.outcome.shape)
+    columns: dict[str, Any] = {"frame": frame, "point": point, "t": surface.t[frame]}
+    columns |= {f"X_{name}": surface.X[point, k] for k, name in enumerate(COMPONENTS)}
+    columns |= {name: result.cell[point, k] for k, name in enumerate(("column", "row"))}
     for k, name in enumerate("uv" if result.kind == "plane" else "uvw"):
-        variables[name] = (dims, np.where(valid, surface.u[..., k], np.nan), length)
-        variables[f"{name}_sigma"] = (dims, np.where(valid, surface.sigma[..., k], np.nan), length)
+        columns[name] = np.where(surface.valid, surface.u[..., k], np.nan)
+        columns[f"{name}_sigma"] = np.where(surface.valid, surface.sigma[..., k], np.nan)
     for k, name in enumerate(STRAINS):
-        variables[name] = (dims, strain.value[..., k], {"units": "1"})
-        variables[f"{name}_sigma"] = (dims, strain.sigma[..., k], {"units": "1"})
-    variables["outcome"] = (dims, surface.outcome, {"meaning": ", ".join(map(repr, PointOutcome))})
-    places = {f"X_{name}": ("point", surface.X[:, k], length) for k, name in enumerate(COMPONENTS)}
-    cells = {name: ("point", result.cell[:, k]) for k, name in enumerate(("column", "row"))}
-    clock = {"t": ("frame", surface.t, {"units": "s" if result.timed else "frame"})}
-    return xarray().Dataset(variables, coords={**clock, **places, **cells}, attrs={"kind": result.kind})
+        columns[name], columns[f"{name}_sigma"] = strain.value[..., k], strain.sigma[..., k]
+    columns["outcome"] = surface.outcome
+    return pandas().DataFrame({name: values.ravel() for name, values in columns.items()})

@@ -1,4 +1,4 @@
-"""Methods of every result: a figure, a table of pandas, a dataset of xarray, and a short text.
+"""Methods of every result: a figure, a table of pandas, and a short text.
 
 Figures and tables are made by `kolsky.report.notebook`, which `dic` must not import. Importing `kolsky`
 registers that module here.
@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any
 
 MAKERS: list[Callable[[], Any]] = []
-"""Functions that return the module with `plot`, `html`, `to_dataframe` and `to_xarray`; the last is used."""
+"""Functions that return the module with `plot`, `html` and `to_dataframe`; the last is used."""
 LONGEST = 160
 """Largest number of characters of a result's text."""
 
@@ -59,20 +59,6 @@ class ResultViews:
         pandas.DataFrame
         """
         return _maker(self).to_dataframe(self, table)
-
-    def to_xarray(self, table: str = "") -> Any:
-        """Return a dataset (SI, units as attributes); see `kolsky.report.notebook.to_xarray`.
-
-        Parameters
-        ----------
-        table
-            As of `to_pandas`.
-
-        Returns
-        -------
-        xarray.Dataset
-        """
-        return _maker(self).to_xarray(self, table)
 
     def _repr_html_(self) -> str | None:
         """A table for a notebook; None, and then the short text is shown, if there is none of this type."""

@@ -68,7 +68,7 @@ napoleon_use_rtype = False
 
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
 _OTHERS = (
-    r"ast|re|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
+    r"ast|re|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pydantic\w*|contextlib"
     r"|scipy|jinja2|argparse|subprocess|typer|types|markupsafe"
 )
 nitpick_ignore_regex = [

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from kolsky.prediction.predict import predict, read_test
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import figures_of
-    from kolsky.report.notebook import to_dataframe, to_xarray
+    from kolsky.report.notebook import to_dataframe
     from kolsky.report.pages.identification import write_report
     from kolsky.report.result_folder import (
         read_identify_results,
@@ -102,7 +102,6 @@ _HOME = {
     "sweep": "kolsky.studies.sweep",
     "tables_of": "kolsky.report.result_folder",
     "to_dataframe": "kolsky.report.notebook",
-    "to_xarray": "kolsky.report.notebook",
     "waves": "kolsky.shot.waves",
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",

@@ -153,7 +153,7 @@ def violation(module: str, target: str) -> str | None:
         return "files of results go through kolsky.base.hdf5"
     in_report = module == "kolsky.report" or module.startswith("kolsky.report.")
     if top in PLOTTING and not in_report:
-        return "Matplotlib and PyVista belong in kolsky.report"
+        return "Matplotlib belongs in kolsky.report"
     return None
 
 

@@ -1,4 +1,4 @@
-"""Measured fields over the pictures and in space, and a selected point over time."""
+"""Measured fields over the pictures, and a selected point over time."""
 
 from __future__ import annotations
 
@@ -6,27 +6,22 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from nicegui import events, ui
+from nicegui import ui
 
 from dic.outcome import PointOutcome
 from dic.surfaces.strains import StrainOutcome
 from kolsky.app import frame
-from kolsky.report.scene.drawing import CannotRender
-from kolsky.report.surface_maps import OUTCOME_COLOURS, View, limits_of, map_png, scale_colours, space_png
+from kolsky.report.surface_maps import COLOURS, OUTCOME_COLOURS, limits_of, map_png, scale_colours
 from kolsky.shot.measured_points import OUTCOME, MeasuredPoints
 
 NO_FIELD = ""
 OPACITY = 0.8
 """Opacity of a map [-]; the speckles remain visible."""
-TURN = 0.4
-"""Rotation of the surface in space for each pixel of a drag [°/px]."""
-STEEPEST = 89.0
-"""Largest elevation of the viewing direction [°]. Above it, "up" is undefined."""
 FIRST_FIELD = "Eyy"
 
 
 class FieldsView:
-    """Selection of a field, its maps and scale, the surface in space, and one point over time."""
+    """Selection of a field, its maps and scale, and one point over time."""
 
     def __init__(
         self, surfaces: tuple[MeasuredPoints, ...], shape: tuple[int, int], changed: Callable[[], None]
@@ -37,12 +32,6 @@ class FieldsView:
         self.field = NO_FIELD
         self.chosen: int | None = None
         self.k = 0
-        self.view = View()
-        self.sliders: dict[str, ui.slider] = {}
-        self.grip: tuple[float, float] | None = None
-        self.drawn: tuple[object, ...] = ()
-        self.busy = False
-        self.can_render = True
 
     def controls(self) -> None:
         """Create the selection of surface and field, with the colour scale."""
@@ -56,7 +45,7 @@ class FieldsView:
             self.scale = ui.html(sanitize=False).classes("grow")
 
     def panels(self) -> None:
-        """Create the plot of a point over time and the surface in space."""
+        """Create the plot of a point over time."""
         with ui.column().classes("w-full gap-1"):
             frame.heading("One point over time")
             self.about = frame.note("Click on the surface in a picture to choose a point.").mark("point")
@@ -64,33 +53,6 @@ class FieldsView:
             for key in ("xAxis", "yAxis"):
                 self.plot.options[key]["axisLine"]["onZero"] = False
             self.plot.set_visibility(False)
-        with ui.column().classes("w-full gap-1"):
-            frame.heading("In space")
-            self.space_note = frame.note("The surface of the colours, with its motion.")
-            self.place = ui.column().classes("w-full gap-1")
-            with self.place:
-                ui.button("Draw the surface", on_click=self._begin_space).props("outline dense")
-
-    def _begin_space(self) -> None:
-        """Create the picture in space and its sliders; this loads VTK."""
-        self.place.clear()
-        self.space_note.text = "The surface is drawn; the first time takes some seconds ..."
-        with self.place:
-            self.space = ui.interactive_image(
-                on_mouse=self._turn, events=["mousedown", "mousemove", "mouseup", "mouseleave"]
-            ).classes("w-full")
-            frame.described(self.space, "The surface in space")
-            with ui.row().classes("w-full items-center no-wrap gap-3"):
-                for key, words, low, high in (
-                    ("azimuth", "Turn", -180, 180),
-                    ("elevation", "Tilt", -STEEPEST, STEEPEST),
-                ):
-                    ui.label(words).classes("soft whitespace-nowrap")
-                    slider = ui.slider(min=low, max=high, value=getattr(self.view, key))
-                    slider.props(f'aria-label="{words}"').mark(key)
-                    slider.on_value_change(lambda change, key=key: self._slide(key, float(change.value)))
-                    self.sliders[key] = slider
-            ui.timer(0.3, self._space)
 
     def _options(self) -> dict[str, str]:
         return {NO_FIELD: "none", **{name: one.label for name, one in self.points.fields.items()}}
@@ -183,59 +145,15 @@ class FieldsView:
         assert self.chosen is not None
         self.about.text = point_words(self.points, self.chosen, self.k, self.followed)
 
-    def _turn(self, event: events.MouseEventArguments) -> None:
-        place = (event.image_x, event.image_y)
-        if event.type == "mousedown":
-            self.grip = place
-        elif event.type in ("mouseup", "mouseleave"):
-            self.grip = None
-        elif self.grip is not None:
-            dx, dy = (TURN * (now - before) for now, before in zip(place, self.grip, strict=True))
-            self.grip = place
-            self._slide("azimuth", (self.view.azimuth - dx + 180.0) % 360.0 - 180.0)
-            self._slide("elevation", float(np.clip(self.view.elevation + dy, -STEEPEST, STEEPEST)))
-
-    def _slide(self, key: str, value: float) -> None:
-        angles = {"azimuth": self.view.azimuth, "elevation": self.view.elevation, key: value}
-        self.view = View(**angles)
-        slider = self.sliders[key]
-        if slider.value != value:
-            slider.value = value
-
-    async def _space(self) -> None:
-        """Draw the surface in space if something changed: one picture at a time, for the latest request."""
-        name = self.field or self.followed
-        wanted = (self.points, name, self.k, self.view, self.chosen)
-        if self.busy or not self.can_render or wanted == self.drawn:
-            return
-        self.busy, self.drawn = True, wanted
-        try:
-            png = await frame.in_thread(
-                space_png,
-                self.points,
-                name,
-                self.k,
-                limits=limits_of(self.points.fields[name]),
-                view=self.view,
-                chosen=self.chosen,
-            )
-            self.space.set_source(frame.data_uri(png))
-            self.space_note.text = "Drag to turn. Net: the surface at its reference."
-        except CannotRender as error:
-            self.can_render = False
-            self.space_note.text = str(error)
-        finally:
-            self.busy = False
-
 
 def time_of(points: MeasuredPoints) -> np.ndarray:
     """Times for a plot: in µs, or frame numbers."""
     return (1e6 if points.timed else 1.0) * points.surface.t
 
 
-def scale_html(low: float, high: float, unit: str) -> str:
-    """A colour scale with its limits, as HTML."""
-    stops = ", ".join(scale_colours())
+def scale_html(low: float, high: float, unit: str, colours: str = COLOURS) -> str:
+    """The scale of a colour map with its limits, as HTML."""
+    stops = ", ".join(scale_colours(colours))
     digits = max(0, 2 - math.floor(math.log10(high - low)))
     first, last = (f'<span class="soft">{v:.{digits}f} {unit}</span>' for v in (low, high))
     look = f"flex:1;height:.7rem;max-width:16rem;background:linear-gradient(90deg,{stops})"

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from nicegui import ui
@@ -17,17 +16,18 @@ from nicegui import ui
 from kolsky.app import frame
 from kolsky.app.copies import changed_value, copy_of, copy_with
 from kolsky.app.draft import Draft
-from kolsky.app.what_if import Answer, Misfit, Valley, WhatIf
+from kolsky.app.fields import scale_html
+from kolsky.app.what_if import Answer, Misfit, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Estimate, Identification
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.report.result_folder import RESULT_FILE
-from kolsky.report.scene.drawing import cut_svg
+from kolsky.report.scene.drawing import picture, png_of
 from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
 from kolsky.results.hdf5 import read_identification
 from kolsky.results.nomenclature import factor_of
-from kolsky.results.printed import answer, fit_line, plain_symbol
+from kolsky.results.printed import answer, fit_line
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.load import load_pictures, load_shot
 from kolsky.shot.optical_data import measured
@@ -214,7 +214,8 @@ class LookView:
 
     def _specimen(self) -> None:
         with ui.column().classes("w-full gap-1"):
-            self.drawing = ui.html(sanitize=False).classes("w-full")
+            self.drawing = ui.interactive_image().classes("w-full").mark("specimen")
+            frame.described(self.drawing, "Cut through the specimen, coloured by a field")
             if self._scene() is None:
                 return
             names = {
@@ -222,6 +223,7 @@ class LookView:
             }
             chosen = frame.choice(names, self.field, "Colour", width="w-64")
             chosen.on_value_change(lambda change: self._colour(str(change.value)))
+            self.scale = ui.html(sanitize=False).classes("w-full")
 
     def _colour(self, field: str) -> None:
         self.field = field
@@ -238,7 +240,9 @@ class LookView:
             self._outline_at(now)
         scene = self._scene()
         if scene is not None:
-            self.drawing.content = cut_svg(scene, int(np.argmin(np.abs(scene.times - now))))
+            pixels = picture(scene, int(np.argmin(np.abs(scene.times - now))), axes=False)
+            self.drawing.set_source(frame.data_uri(png_of(pixels)))
+            self.scale.content = scale_html(*scene.limits, "", FIELDS[self.field].colours)
         if self.result.pictures is not None:
             nearest = int(np.argmin(np.abs(self.result.pictures.time - now)))
             for image, pictures in zip(self.cameras, self.result.pictures.series, strict=True):
@@ -276,19 +280,11 @@ class LookView:
             "expected."
         )
         self.sliders: dict[str, ui.slider] = {}
-        with ui.element("div").classes("grid2"):
-            with ui.column().classes("w-full gap-1"):
-                for name, value in self.what_if.start.items():
-                    self._slider(name, value)
-                with ui.row().classes("items-center gap-2"):
-                    ui.button("Back to the answer", on_click=self._back).props("flat dense")
-                    ui.button("Draw the valley", on_click=self._draw_valley).props("outline dense")
-                self.said = ui.label().props("role=status").mark("misfit")
-            with ui.column().classes("w-full gap-1"):
-                others = [name for name in self.what_if.start if name != "stiffness_factor"]
-                pairs = {name: f"m over {plain_symbol(name)}" for name in others}
-                self.across = frame.choice(pairs, "damping", "Valley", width="w-48")
-                self.valley_plot = ui.column().classes("w-full")
+        with ui.column().classes("w-full gap-1"):
+            for name, value in self.what_if.start.items():
+                self._slider(name, value)
+            ui.button("Back to the answer", on_click=self._back).props("flat dense")
+            self.said = ui.label().props("role=status").mark("misfit")
 
     def _slider(self, name: str, value: float) -> None:
         assert self.what_if is not None
@@ -338,17 +334,6 @@ class LookView:
         )
         self.said.text = misfit_words(tried.misfit, reference.misfit)
         self._at(self.k)
-
-    async def _draw_valley(self) -> None:
-        assert self.what_if is not None
-        self.valley_plot.clear()
-        with self.valley_plot:
-            waiting = frame.note("169 simulations ...")
-        names = ("stiffness_factor", str(self.across.value))
-        valley = await frame.in_thread(self.what_if.valley, names, self._values())
-        waiting.delete()
-        with self.valley_plot:
-            valley_chart(valley, self._values())
 
     def _causes(self) -> None:
         declared = Draft(self.result.folder / SHOT_FILE).content()
@@ -405,51 +390,3 @@ def misfit_words(tried: Misfit, reference: Misfit) -> str:
         for name, (now, then) in pairs.items()
         if np.isfinite(now)
     )
-
-
-def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
-    """The misfit over two parameters, with the position of the sliders."""
-    shown = np.log10(np.maximum(valley.misfit, 1e-3))
-    axes: list[dict[str, Any]] = []
-    place = []
-    for name, along in zip(valley.names, (valley.x, valley.y), strict=True):
-        unit = PARAMETERS[name].shown_unit
-        words = PARAMETERS[name].written + ("" if unit == "1" else f" ({unit})")
-        label, data = {"color": frame.SOFT, "interval": 2}, [f"{v * factor_of(name):.4g}" for v in along]
-        gap = 52 if axes else 28
-        axes.append(frame.axis(words, type="category", data=data, nameGap=gap, axisLabel=label))
-        place.append(int(np.argmin(np.abs(along - values[name]))))
-    cells = [[int(i), int(j), float(f"{shown[j, i]:.4g}")] for j, i in np.argwhere(np.isfinite(shown))]
-    best = np.unravel_index(int(np.nanargmin(valley.misfit)), valley.misfit.shape)
-    finite = shown[np.isfinite(shown)]
-    edged = {"itemStyle": {"color": "#ffffff", "borderColor": frame.INK, "borderWidth": 1.5}}
-    plot = frame.chart(
-        "",
-        "",
-        [
-            {"name": "misfit", "type": "heatmap", "data": cells, "tooltip": {"show": False}},
-            frame.dots("sliders", [place], "#ffffff", 12, symbol="circle", z=5) | edged,
-            frame.dots(
-                "least misfit", [[int(best[1]), int(best[0])]], frame.ORANGE, 13, symbol="diamond", z=6
-            ),
-        ],
-        words="Misfit over the stiffness factor and another parameter",
-        xAxis=axes[0],
-        yAxis=axes[1],
-        grid={"left": 76, "right": 20, "top": 34, "bottom": 90},
-        tooltip={"show": False},
-        visualMap={
-            "min": float(finite.min()),
-            "max": float(finite.max()),
-            "calculable": False,
-            "orient": "horizontal",
-            "left": "center",
-            "bottom": 0,
-            "text": ["large", "misfit (log) small"],
-            "inRange": {"color": ["#0b3c5d", "#2f7fb0", "#8fc1de", "#d5e6f0", "#f6f2e6"]},
-            "seriesIndex": 0,
-            "itemHeight": 120,
-        },
-    )
-    plot.options["legend"]["data"] = ["sliders", "least misfit"]
-    return plot

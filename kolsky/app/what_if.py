@@ -1,4 +1,4 @@
-"""Simulation of a shot with other parameters, and the misfit over two parameters."""
+"""Simulation of a shot with other parameters, and its misfit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from threading import Lock
 import numpy as np
 
 from kolsky.base.apparatus import SLIDING_LAW
-from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.problem import PreparedShot, prepare_shot
@@ -19,8 +18,6 @@ from kolsky.shot.records import Shot
 
 SLIDERS = ("stiffness_factor", "poisson", "damping", "friction")
 """Parameters that have a slider if they have an effect. Friction is the last one."""
-GRID = 13
-"""Number of values of each parameter of the misfit map."""
 AROUND = 6.0
 """Half the range of a slider, in standard uncertainties of an identified parameter. It is three times U (k =
 2)."""
@@ -40,11 +37,6 @@ class Misfit:
     outline: float
     """Misfit of the outline [-]; NaN if not measured."""
 
-    @property
-    def joint(self) -> float:
-        """Root mean square over the channels [-]."""
-        return float(np.sqrt(np.nanmean([self.force**2, self.outline**2])))
-
 
 @dataclass(frozen=True)
 class Answer:
@@ -54,20 +46,6 @@ class Answer:
     """The predicted data of the instruments."""
     misfit: Misfit
     """Its misfit to the data."""
-
-
-@dataclass(frozen=True)
-class Valley:
-    """The misfit over two parameters. The other parameters are constant."""
-
-    names: tuple[str, str]
-    """Parameters along x and y."""
-    x: FloatArray
-    """Values of the first, SI, shape [nx]."""
-    y: FloatArray
-    """Values of the second, SI, shape [ny]."""
-    misfit: FloatArray
-    """`Misfit.joint`, shape [ny, nx]; NaN for a failed run."""
 
 
 class WhatIf:
@@ -109,20 +87,6 @@ class WhatIf:
             raise ValueError(response.describe(0))
         prediction = predict(response, self.prepared.observations)
         return Answer(prediction, self.misfit(prediction, 0))
-
-    def valley(self, names: tuple[str, str], parameters: Mapping[str, float]) -> Valley:
-        """The misfit over the ranges of two sliders. ``parameters``: values of the sliders."""
-        x, y = (np.linspace(*self.bounds(name), GRID) for name in names)
-        grid = {names[0]: np.tile(x, GRID), names[1]: np.repeat(y, GRID)}
-        points = {n: np.full(GRID * GRID, v) for n, v in {**self.others, **parameters}.items()} | grid
-        with _ONE_AT_A_TIME:
-            response = self.prepared.forward.run(points, self.numerics)
-        found = np.full(GRID * GRID, np.nan)
-        ended = np.flatnonzero(response.completed)
-        if ended.size:
-            prediction = predict(response.select(ended), self.prepared.observations)
-            found[ended] = [self.misfit(prediction, i).joint for i in range(ended.size)]
-        return Valley(names, x, y, found.reshape(GRID, GRID))
 
     def misfit(self, prediction: Prediction, i: int) -> Misfit:
         """Misfit of one run of a prediction, computed as in the result."""

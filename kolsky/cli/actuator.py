@@ -9,7 +9,7 @@ import typer
 
 from kolsky.base.files import Files, usable_folder, write_folder
 from kolsky.base.options import Option
-from kolsky.cli.options import Figures, Film, Vtu
+from kolsky.cli.options import Figures, Vtu
 from kolsky.cli.terminal import print_result
 from kolsky.inverse.settings import Device
 from kolsky.report.figures_alone import figure_files
@@ -30,7 +30,6 @@ def actuator_simulate(
     spec: _ActuatorPath,
     out: _OutOfActuator = None,
     vtu: Vtu = False,
-    film: Film = "",
     device: Device = "cpu",
     figures: Figures = (),
 ) -> None:
@@ -43,7 +42,6 @@ def actuator_simulate(
     from kolsky.bodies.actuator_output import bend_tables, bends_json, markers_json
     from kolsky.bodies.actuator_reading import read_actuator
     from kolsky.report.body_views import ActuatorView
-    from kolsky.report.films import write_actuator_film
     from kolsky.report.result_folder import write_solution_vtu
 
     read = read_actuator(spec, device=device)
@@ -59,12 +57,8 @@ def actuator_simulate(
     )
     content = bends_json(directions, inputs) | markers_json(compared, stiffness)
 
-    files: dict[str, Any] = {}
-    for one in directions:
-        if vtu:
-            files[f"{one.name}.vtu"] = partial(write_solution_vtu, solution=one.pristine.solution)
-        if film:
-            files[f"{one.name}.{film}"] = partial(write_actuator_film, shown=one)
+    solutions = {one.name: one.pristine.solution for one in directions if vtu}
+    files = {f"{name}.vtu": partial(write_solution_vtu, solution=one) for name, one in solutions.items()}
     tables = bend_tables(directions, motions, compared)
     _write_result(folder, view, content, inputs, figures, tables=tables, files=files)
 

@@ -21,7 +21,6 @@ from kolsky.base.process import last_work, set_blas_threads
 from kolsky.cli.actuator import actuator_control, actuator_invert, actuator_simulate
 from kolsky.cli.bars import repeats, waves, wavespeed
 from kolsky.cli.dic import calibrate, dic
-from kolsky.cli.doctor import doctor
 from kolsky.cli.identify import demo, identify
 from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit, material_healing
@@ -55,7 +54,6 @@ COMMANDS: dict[str, Command] = {
     "sweep": sweep,
     "budget": budget,
     "film": film,
-    "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
     "material relaxation": material_relaxation,
@@ -83,16 +81,14 @@ GROUPS = {
 BROUGHT_BY = {
     "cv2": "opencv-contrib-python-headless",
     "skimage": "scikit-image",
-    "pyvista": "pyvista",
     "pandas": "pandas",
-    "xarray": "xarray",
+    "meshio": "meshio",
     "nptdms": "npTDMS",
     "RigolWFM": "RigolWFM",
     "imageio": "kolsky[film]",
     "imageio_ffmpeg": "kolsky[film]",
     "nicegui": "kolsky[app]",
     "emcee": "kolsky[bayes]",
-    "distributed": "kolsky[cluster]",
     "pyamg": "kolsky[amg]",
 }
 """Name for pip of the distribution, or the extra of this package, that provides a module."""

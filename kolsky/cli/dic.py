@@ -14,7 +14,7 @@ from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, ShotPath
+from kolsky.cli.options import Figures, Out, ShotPath, Vtu
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.report.figures_alone import figure_files
 
@@ -28,12 +28,9 @@ def dic(
     ] = "cpu",
     repeat: Annotated[bool, Option("Correlate even if a result exists.", name="again")] = False,
     csv: Annotated[bool, Option("Also write the points of every frame as CSV.")] = False,
-    vtp: Annotated[bool, Option("Also write the surfaces for ParaView (VTU files for a dic.toml).")] = False,
+    vtu: Vtu = False,
     regions: Annotated[
         bool, Option("Draw the regions by hand in the page of `kolsky open`, and save them in the file.")
-    ] = False,
-    grid: Annotated[
-        bool, Option("Write pictures with a grid, to enter the regions by hand without a page.")
     ] = False,
     figures: Figures = (),
 ) -> None:
@@ -46,11 +43,17 @@ def dic(
     """
     from kolsky.schema.pictures import find_measurement_file
 
-    if regions or grid:
-        _draw_regions(shot, out, grid=grid)
+    if regions:
+        from kolsky.schema.shot_file import folder_of
+        from kolsky.shot.dic import open_region_session
+
+        open_region_session(shot)  # bad input is refused before a page is opened
+        from kolsky.app.server import serve
+
+        serve(folder_of(shot), first="/pictures?shot=.")
         return
     if (measurement := find_measurement_file(shot)) is not None:
-        _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtp)
+        _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtu)
         return
     from dic.processes import allow_forks
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
@@ -80,7 +83,7 @@ def dic(
         times["surfaces file"] = now - began - sum(times.values())
         now = perf_counter()
         write_dic_results(
-            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtp=vtp, processes=drawing_processes()
+            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtu=vtu, processes=drawing_processes()
         )
         times["files and page"] = perf_counter() - now
     print_result(
@@ -131,23 +134,6 @@ def _measure_pictures(
         files={"result": folder / "dic.h5", "page": folder / "dic.html"},
         warnings=remarks,
     )
-
-
-def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
-    """Regions by hand: with a grid, or in the pages of `kolsky open`."""
-    from kolsky.pictures.regions import write_grids
-    from kolsky.schema.shot_file import folder_of
-    from kolsky.shot.dic import frames_to_show, open_region_session
-
-    session = open_region_session(source)  # bad input is refused before a page is opened
-    if grid:
-        folder = usable_folder(out or session.path.parent / "results" / "regions")
-        for path in write_grids(folder, session, frames_to_show(session)):
-            typer.echo(path)
-        return
-    from kolsky.app.server import serve
-
-    serve(folder_of(source), first="/pictures?shot=.")
 
 
 _RIG_FILE = "rig.yml"

@@ -37,7 +37,6 @@ Values = Annotated[
     dict[str, float],
     Option("Hold a parameter at this value (SI or with unit).", short="-p", metavar="NAME=VALUE"),
 ]
-Film = Annotated[Literal["", "mp4", "gif"], Option("Also write a film: mp4 or gif.", metavar="FORMAT")]
 Vtu = Annotated[bool, Option("Also write meshes for ParaView.")]
 
 READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (

@@ -12,7 +12,7 @@ from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.new import write_template
-from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values, load, usable
+from kolsky.cli.options import Figures, Out, OutFolder, ShotPath, Values, load, usable
 from kolsky.cli.terminal import as_json, print_result, progress_bars
 from kolsky.inverse.settings import Device, Numerics, Threads
 
@@ -166,7 +166,6 @@ def predict(
         ),
     ] = (),
     quick: Annotated[bool, Option("Use the specimen's static curve instead of its elements.")] = False,
-    film: Film = "",
     figures: Figures = (),
 ) -> None:
     """Predict a flyer test from the contact of the striker to the second impact.
@@ -175,10 +174,6 @@ def predict(
     virtual.toml for `kolsky virtual make`.
     --vary scans the test; --want designs it.
     """
-    if film:
-        if quick:
-            raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
-        texts.installed(f"--film {film}", "imageio_ffmpeg", "film")
     if want and not vary:
         raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
     from kolsky.prediction import design
@@ -203,7 +198,7 @@ def predict(
         progress("simulation", 0, 1)
         result = prediction.predict(test_plan, quick=quick)
         progress("simulation", 1, 1)
-    write_prediction_results(folder, result, scan, aim, film=film, formats=figures)
+    write_prediction_results(folder, result, scan, aim, formats=figures)
     warnings = prediction.doubts(result)
     if aim is not None and not aim.reached:
         bound = f", at a bound of {' and '.join(aim.at_bound)}" if aim.at_bound else ""

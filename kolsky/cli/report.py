@@ -70,11 +70,11 @@ def film(
     stills: Annotated[int, Option("Number of stills.", min=1, max=1000)] = 6,
     out: Out = None,
 ) -> None:
-    """Render the specimen of an identified shot between its platens, with one half cut away.
+    """Draw the specimen of an identified shot between its platens, cut along its axis.
 
     Needs the results of `kolsky identify`; writes into their folder film.
     """
-    from kolsky.report.scene.drawing import FILMS, CannotRender, offscreen_pyvista
+    from kolsky.report.scene.drawing import FILMS
     from kolsky.report.scene.scene_data import FIELDS
 
     texts.one_of("--field", field, tuple(FIELDS))
@@ -83,9 +83,6 @@ def film(
         texts.one_of("--format", name, (*FILMS, _STILLS, _SERIES))
         if name in FILMS:
             texts.installed(f"--format {name}", "imageio_ffmpeg", "film")
-        if name != _SERIES:
-            with texts.refused(f"--format {name}: ", cure="choose vtu for ParaView", errors=(CannotRender,)):
-                offscreen_pyvista()
 
     loaded, folder = load(shot, out)
     from kolsky.report.paraview import write_vtu

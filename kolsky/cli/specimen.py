@@ -42,7 +42,6 @@ def specimen_fit(
         Option("For a sheet: also map its stiffness by NX x NY blocks.", name="map", metavar="NXxNY"),
     ] = None,
     vtu: Vtu = False,
-    stills: Annotated[bool, Option("Also draw the last sample in 3-D by PyVista.")] = False,
     device: Device = "cpu",
     figures: Figures = (),
 ) -> None:
@@ -53,12 +52,10 @@ def specimen_fit(
     """
     from kolsky.bodies.specimen_reading import read_specification
 
-    if stills:
-        _require_drawing()
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
     if read.declared.field is not None:
-        _fit_sheet(read, folder, figures, each_step=steps_alone, blocks=blocks, vtu=vtu, stills=stills)
+        _fit_sheet(read, folder, figures, each_step=steps_alone, blocks=blocks, vtu=vtu)
         return
     _refuse({"--steps-alone": steps_alone, "--map": blocks is not None}, "is for a sheet")
     from kolsky.bodies import specimen_output
@@ -84,7 +81,7 @@ def specimen_fit(
                 )
             )
     view = view_of(read.name, fits)
-    write_specimen_results(folder, view, read.inputs, formats=figures, vtu=vtu, stills=stills)
+    write_specimen_results(folder, view, read.inputs, formats=figures, vtu=vtu)
     _print_fit(view, specimen_output.fits_json(fits, read.inputs), folder)
 
 
@@ -100,15 +97,6 @@ def _print_fit(view: "SpecimenView | SheetView", content: dict[str, Any], folder
 _refuse = functools.partial(texts.refuse, cure="remove it")
 
 
-def _require_drawing() -> None:
-    """Reject --stills before the fit if nothing can be drawn."""
-    from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista
-
-    cure = "leave --stills out, or install what it needs; --vtu is for ParaView"
-    with texts.refused("--stills ", cure=cure, errors=(CannotRender,)):
-        offscreen_pyvista()
-
-
 def _fit_sheet(
     read: "Specification",
     folder: Path,
@@ -117,7 +105,6 @@ def _fit_sheet(
     each_step: bool,
     blocks: tuple[int, int] | None,
     vtu: bool,
-    stills: bool,
 ) -> None:
     from kolsky.bodies import specimen_output
     from kolsky.bodies.sheet_checks import fit_measured, one_change
@@ -141,7 +128,7 @@ def _fit_sheet(
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
     inputs = {**read.inputs, **measured.inputs}
-    write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
+    write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu)
     content = specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs}
     _print_fit(view, content, folder)
 

@@ -169,7 +169,7 @@ def places_of(pictures: PictureSet) -> Places:
                 f"dic.{missing[0]}",
                 f"is not declared and cannot be found: {error}",
                 cure="draw them over camera 0's pictures: "
-                f"`kolsky dic {pictures.toml.path.parent} --regions`, or offline with --grid",
+                f"`kolsky dic {pictures.toml.path.parent} --regions`, or write their corners into [dic]",
             ) from error
         detected = {"specimen": found.specimen, "flyer": found.flyer, "transmission_edge": found.edge}
         places |= {key: detected[key] for key in missing}

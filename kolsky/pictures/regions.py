@@ -1,19 +1,17 @@
-"""Regions drawn by hand over pictures: their checks, the session that saves them, and a grid picture."""
+"""Regions drawn by hand over pictures: their checks, and the session that saves them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.basics import cv2
 from dic.bodies.region import Region, polygon_mask
 from dic.files import replacing
 from dic.images import PictureError, Pictures
 from kolsky.base.errors import InputError
-from kolsky.base.files import decode, filling, read_bytes
+from kolsky.base.files import decode, read_bytes
 from kolsky.base.toml import TOML_LIMIT, CannotEdit, with_values
 
 LEAST_AREA = 25.0
@@ -237,91 +235,3 @@ def png_of(pictures: Pictures, frame: int) -> bytes | str:
     low, high = np.percentile(picture, [0.5, 99.5])
     grey = np.clip(255.0 * (picture - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
     return bytes(cv2.imencode(".png", grey)[1].tobytes())
-
-
-LINES = 20
-"""Approximate number of grid lines across the longer side."""
-LEAST_SIDE = 1000
-"""The picture is enlarged by a whole factor until its longer side has at least this many pixels."""
-
-
-def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
-    """Write frames with a grid, and regions.toml with lines to complete.
-
-    ``folder``: folder of the files; created if absent. ``frames``: frames to write. Returns: the pictures,
-    then the TOML file. Raises InputError if no frame can be read, or if nothing can be written.
-    """
-    names = []
-    with filling(folder) as place:
-        said = ""
-        for frame in frames:
-            found = png_of(session.pictures, frame)
-            if isinstance(found, str):
-                said = found
-                continue
-            picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_GRAYSCALE)
-            assert picture is not None  # it was encoded a line before
-            name = f"grid_{frame:04d}.png"
-            drawn = with_grid(np.asarray(picture, dtype=np.uint8))
-            (place / name).write_bytes(cv2.imencode(".png", drawn)[1].tobytes())
-            names.append(name)
-        if not names:
-            raise InputError(
-                session.path,
-                f"has no frame that can be shown: {said}",
-                cure="copy or export the pictures again",
-            )
-        (place / "regions.toml").write_text(snippet(session), encoding="utf-8")
-    return [folder / name for name in (*names, "regions.toml")]
-
-
-def grid_step(longest: int) -> int:
-    """Distance of about `LINES` lines across the longer side [px]: 1, 2 or 5 times a power of ten."""
-    steps = (digit * 10**power for power in range(6) for digit in (1, 2, 5))
-    return next((step for step in steps if step * LINES >= longest), 10**6)
-
-
-def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture enlarged, with lines and numbers at round pixel centres, shape [rows, columns, 3]."""
-    rows, columns = picture.shape
-    factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
-    large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
-    drawn = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
-    step = grid_step(max(rows, columns))
-    for axis, most in ((0, columns), (1, rows)):
-        for value in range(0, most, step):
-            at = value * factor + factor // 2
-            first, last = (at, 0), (at, int(drawn.shape[0]) - 1)
-            if axis == 1:
-                first, last = (0, at), (int(drawn.shape[1]) - 1, at)
-            cv2.line(drawn, first, last, (0, 160, 230), 1)
-            place = (at + 3, 14) if axis == 0 else (3, at - 3 if at > 20 else at + 30)
-            text = partial(cv2.putText, drawn, str(value), place, cv2.FONT_HERSHEY_SIMPLEX, 0.5)
-            for colour, width in (((0, 0, 0), 3), ((0, 220, 255), 1)):
-                text(colour, width, cv2.LINE_AA)
-    return np.asarray(drawn, dtype=np.uint8)
-
-
-def snippet(session: Session) -> str:
-    """Lines for the table [dic]: the regions that the file declares, and examples for all others."""
-    declared = session.snippet(session.drawn)
-    rows, columns = session.pictures.shape
-    x, y = columns - 1, rows - 1
-    lines = [
-        f"# Regions for the table [dic] of {session.path.name}: replace the numbers by those of the grid,",
-        "# x to the right and y down, and copy the lines into the file. List corners in order around it.",
-    ]
-    for one in session.wanted:
-        lines.append(f"# {one.title}")
-        if one.key in declared:
-            lines.append(f"{one.key} = {declared[one.key]}")
-            continue
-        if one.point:
-            value = f"[{x // 2}, {y}]"
-        else:
-            frame = ", frame = 0" if one.framed else ""
-            corners = f"[[0, 0], [{x}, 0], [{x}, {y}], [0, {y}]]"
-            value = f"{{ polygon = {corners}{frame} }}"
-            value = f"[{value}]" if one.many else value
-        lines.append(f"# {one.key} = {value}")
-    return "\n".join(lines) + "\n"

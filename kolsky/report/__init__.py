@@ -1,6 +1,6 @@
 """Pages, figures, films and notebook views.
 
-No other package uses Matplotlib and PyVista.
+No other package uses Matplotlib.
 """
 
 FIGURE_FORMATS = ("pdf", "svg", "png", "csv")

@@ -1,4 +1,4 @@
-"""Views of any result: HTML for IPython, a figure, tables for pandas and xarray.
+"""Views of any result: HTML for IPython, a figure, tables for pandas.
 
 The tables are those of `kolsky.report.result_folder.tables_of`, by the names of the CSV files. The views are
 functions of the data, and the data do not import them. `kolsky.report.ipython` registers them as the methods
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dic import output as surface_views
-from dic.output import html_table, pandas, xarray
+from dic.output import html_table, pandas
 from dic.result import FullField
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
@@ -26,7 +26,7 @@ from kolsky.shot.summary import summarise
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["html", "plot", "to_dataframe", "to_xarray"]
+__all__ = ["html", "plot", "to_dataframe"]
 
 
 @singledispatch
@@ -57,7 +57,8 @@ def to_dataframe(data: object, table: str = "") -> Any:
     True
     """
     if not has_tables(data):
-        raise TypeError(_no_view(data, "pandas"))
+        name = type(data).__name__
+        raise TypeError(f"{name} has no view for pandas; shots, surfaces and results have one")
     return _frame_of(data, table)
 
 
@@ -75,38 +76,6 @@ def _cells(cells: Any) -> Any:
     if isinstance(cells, np.ndarray) or all(isinstance(cell, str) for cell in cells):
         return cells
     return [nan if isinstance(cell, str) and not cell else cell for cell in cells]
-
-
-@singledispatch
-def to_xarray(data: object, table: str = "") -> Any:
-    """Return a surface, an identification or a table of any other result as an xarray dataset, SI.
-
-    An identification has measured and simulated force over "force_time" [s], outline over "point", and the
-    energies of the simulation over "surface_time" [s]. Its attributes are the estimates. A surface has
-    "frame", "point" and "component". Lost points are NaN, with the cause in `outcome`. A displacement field
-    has u, v, w and the strains over "frame" and "point". For any other result, or if `table` is given, the
-    table of `to_dataframe` is over "row".
-
-    Parameters
-    ----------
-    data, table
-        As for `to_dataframe`.
-    """
-    if not has_tables(data):
-        raise TypeError(_no_view(data, "xarray"))
-    return _dataset_of(data, table)
-
-
-def _dataset_of(data: object, table: str = "") -> Any:
-    """Return a table of a result as an xarray dataset over "row"; units are attributes of the variables."""
-    frame = to_dataframe(data, table)
-    variables: dict[str, Any] = {}
-    for heading in frame.columns:
-        name, _, unit = str(heading).rpartition(" (")
-        known = bool(name) and unit.endswith(")") and name not in variables
-        values = ("row", frame[heading].to_numpy(), {"units": unit[:-1]} if known else {})
-        variables[name if known else str(heading)] = values
-    return xarray().Dataset(variables)
 
 
 @html.register
@@ -141,55 +110,11 @@ def _(data: SurfaceHistory, table: str = "") -> Any:
     return surface_views.to_dataframe(data)
 
 
-@to_xarray.register
-def _(data: SurfaceHistory, table: str = "") -> Any:
-    return surface_views.to_xarray(data)
-
-
 @to_dataframe.register
 def _(data: FullField, table: str = "") -> Any:
     if table == "points":
-        return surface_views.full_field_dataset(data).to_dataframe().reset_index()
+        return surface_views.points_dataframe(data)
     return _frame_of(data, table)
-
-
-@to_xarray.register
-def _(data: FullField, table: str = "") -> Any:
-    return _dataset_of(data, table) if table else surface_views.full_field_dataset(data)
-
-
-@to_xarray.register
-def _(data: Identification, table: str = "") -> Any:
-    if table:
-        return _dataset_of(data, table)
-    c, ledger = data.comparison, data.response.energy
-    newton, metre = {"units": "N"}, {"units": "m"}
-    energies = {
-        f"energy_{name}": ("surface_time", getattr(ledger, name)[0], {"units": "J"}) for name in vars(ledger)
-    }
-    return xarray().Dataset(
-        {
-            "force_measured": ("force_time", c.force_measured, newton),
-            "force_sigma": ("force_time", c.force_sigma, newton),
-            "force_simulated": ("force_time", c.force_model, newton),
-            "frame": ("point", c.centre_line.frame),
-            "time": ("point", c.centre_line.time, {"units": "s"}),
-            "y": ("point", c.centre_line.y, metre),
-            "Z_measured": ("point", c.centre_line.Z, metre),
-            "Z_sigma": ("point", c.centre_line.sigma, metre),
-            "Z_simulated": ("point", c.Z_model, metre),
-            **energies,
-        },
-        coords={
-            "force_time": ("force_time", c.force_time, {"units": "s"}),
-            "surface_time": ("surface_time", data.response.surface_times, {"units": "s"}),
-        },
-        attrs={
-            "shot": data.shot,
-            **{name: e.value for name, e in data.estimates.items()},
-            **{f"{name}_sigma": e.sigma for name, e in data.estimates.items()},
-        },
-    )
 
 
 def plot(data: object, figure: str = "") -> Figure:
@@ -241,7 +166,3 @@ def _drawn(data: Any) -> Any:
 
             return view_of(data.tests[0].test.name, [data])
     return data
-
-
-def _no_view(data: object, where: str) -> str:
-    return f"{type(data).__name__} has no view for {where}; shots, surfaces and results have one"

@@ -1,17 +1,13 @@
-"""Series of files for ParaView: simulated meshes (VTU) and measured surfaces (VTP)."""
+"""Series of files for ParaView: simulated meshes and measured surfaces (VTU)."""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
 
+import meshio
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-from vtkmodules.vtkCommonCore import vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
-from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from dic.files import replacing
 from dic.result import Body, FullField
@@ -21,8 +17,12 @@ from explicit.mesh import Mesh, deformation_gradient
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.report.scene.scene_data import FIELDS, Solid, at_nodes, grid_triangles
 
-QUAD, TRIANGLE = 9, 5
-"""Numbers of two cell types in VTK."""
+CELLS = {
+    1: "vertex", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 22: "triangle6", 23: "quad8",
+    24: "tetra10", 28: "quad9", 29: "hexahedron27",
+}  # fmt: skip
+"""Number of a cell type in VTK -> its name in meshio."""
+VERTEX, TRIANGLE, QUAD = 1, 5, 9
 
 
 def write_grid(
@@ -31,52 +31,12 @@ def write_grid(
     """Write an unstructured grid (VTU) with cells of one type.
 
     ``points``: coordinates, shape [n, 3]. ``cells``: points of each cell in VTK's order, shape [m, k]; m may
-    be 0. ``kind``: number of the cell type in VTK. ``fields``: values at the points by name, shape [n] or
-    [n, components].
+    be 0. ``kind``: a key of `CELLS`. ``fields``: values at the points by name, shape [n] or [n, components].
     """
-    grid = vtkUnstructuredGrid()
-    grid.SetCells(kind, _cell_array(cells))
-    _write_vtk(path, vtkXMLUnstructuredGridWriter(), grid, points, fields)
-
-
-def write_surface(
-    path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
-) -> None:
-    """Write a surface (VTP): points and polygons of one size. Without faces, each point is a vertex."""
-    surface = vtkPolyData()
-    if len(faces):
-        surface.SetPolys(_cell_array(faces))
-    else:
-        surface.SetVerts(_cell_array(np.arange(len(points))[:, None]))
-    _write_vtk(path, vtkXMLPolyDataWriter(), surface, points, fields)
-
-
-def _cell_array(cells: np.ndarray) -> vtkCellArray:
-    """Cells with as many points each, shape [m, k], in VTK's form."""
-    array = vtkCellArray()
-    array.SetData(
-        cells.shape[1], numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells, np.int64).ravel(), deep=True)
-    )
-    return array
-
-
-def _write_vtk(
-    path: Path, writer: Any, data: Any, points: FloatArray, fields: Mapping[str, np.ndarray]
-) -> None:
-    """Write a data set with fields at its points. VTK writes names without escapes, and hides a full disk."""
-    places = vtkPoints()
-    places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
-    data.SetPoints(places)
-    for name, values in fields.items() if len(points) else ():
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-        array.SetName(escape(name))
-        data.GetPointData().AddArray(array)
-    writer.SetInputData(data)
-    writer.WriteToOutputStringOn()
-    writer.SetDataModeToBinary()
-    writer.Write()
+    named = {escape(name): np.asarray(values) for name, values in fields.items()}  # meshio does not escape
+    mesh = meshio.Mesh(points, [(CELLS[kind], cells)], point_data=named)
     with replacing(path) as partial:
-        partial.write_text(writer.GetOutputString(), encoding="utf-8")
+        meshio.vtu.write(partial, mesh)
 
 
 def write_series(path: Path, times: Sequence[float], files: Sequence[Path]) -> None:
@@ -129,7 +89,7 @@ def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([plane, np.zeros(len(plane))])
 
 
-def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
+def write_body_vtu(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """Write the valid points of every frame, joined to triangles over their grid, and `<name>.pvd`.
 
     Points are (x, y, Z) [m]. Their data are displacement and sigma [m], epipolar distance and standard
@@ -146,35 +106,37 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
             "correlation": np.fmin(*(z[frame, valid] for z in body.zncc)),
         }
 
-    return _write_frames(Path(folder), name, ".vtp", surface, triangles, fields)
+    return _write_frames(Path(folder), name, surface, triangles, fields)
 
 
 def _write_frames(
     folder: Path,
     name: str,
-    suffix: str,
     surface: SurfaceHistory,
     triangles: NDArray[np.int64],
     fields: Callable[[int, BoolArray], dict[str, np.ndarray]],
 ) -> list[Path]:
-    """Write one file per frame, and the listing. A triangle is written if all its corners are valid."""
+    """Write one file per frame, and the listing. A triangle is written if all its corners are valid.
+
+    A frame without triangles has its points as cells, because ParaView shows no other points.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
+    files = [folder / f"{name}_{frame:05d}.vtu" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):
         valid = surface.valid[frame]
         points, data = surface.position[frame, valid], fields(frame, valid) | {"point": np.flatnonzero(valid)}
         faces = (np.cumsum(valid) - 1)[triangles[valid[triangles].all(axis=1)]]
-        if suffix == ".vtp":
-            write_surface(path, points, faces, data)
-        else:
+        if len(faces):
             write_grid(path, points, faces, TRIANGLE, data)
+        else:
+            write_grid(path, points, np.arange(len(points))[:, None], VERTEX, data)
     listing = folder / f"{name}.pvd"
     write_series(listing, list(surface.t), files)
     return [*files, listing]
 
 
 def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
-    """Write the valid points of every frame of a full-field result as `write_vtp`, as VTU, and `field.pvd`.
+    """Write the valid points of every frame of a full-field result as `write_body_vtu`, and `field.pvd`.
 
     Points are the current places in the result's unit. Their data are displacement and sigma in that unit,
     the strains xx, yy, xy (NaN if missing), the lowest correlation, and the point number.
@@ -191,4 +153,4 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
             "correlation": result.zncc[:, frame, valid].min(axis=0),
         }
 
-    return _write_frames(Path(folder), "field", ".vtu", surface, triangles, fields)
+    return _write_frames(Path(folder), "field", surface, triangles, fields)

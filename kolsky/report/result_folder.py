@@ -66,20 +66,20 @@ class ResultFiles:
     """What the figures show, for `kolsky.report.figures_alone.figure_files`."""
 
 
-_WAVES = {
-    "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
-    "waves.html": "kolsky.report.pages.waves.render",
-}
+_WAVES = ResultFiles(
+    "kolsky.bars.reduction.output.tables",
+    files={
+        "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
+        "waves.html": "kolsky.report.pages.waves.render",
+    },
+)
 RESULTS = {
     "dic.result.FullField": ResultFiles("dic.output.full_field_columns", "history"),
     "kolsky.bars.guides.propagation.BarsTogether": ResultFiles(
         "kolsky.shot.waves.residual_columns", "residual"
     ),
-    "kolsky.bars.records.FlyerResult": ResultFiles("kolsky.bars.reduction.output.tables", files=_WAVES),
-    "kolsky.bars.records.WavesResult": ResultFiles(
-        "kolsky.bars.reduction.output.tables",
-        files={**_WAVES, "waves_database.csv": "kolsky.bars.reduction.output.write_database"},
-    ),
+    "kolsky.bars.records.FlyerResult": _WAVES,
+    "kolsky.bars.records.WavesResult": _WAVES,
     "kolsky.bodies.specimen_fit.SpecimenFit": ResultFiles("kolsky.bodies.specimen_output.tables"),
     "kolsky.inverse.joint_result.JointResult": ResultFiles(
         "kolsky.results.joint.tables",
@@ -285,7 +285,7 @@ def write_dic_results(
     *,
     formats: Sequence[str] = (),
     csv: bool = False,
-    vtp: bool = False,
+    vtu: bool = False,
     processes: int = 1,
 ) -> None:
     """Write the results of `kolsky dic` into the folder of dic.h5: page, outline, flyer, reporting table.
@@ -294,8 +294,8 @@ def write_dic_results(
     ----------
     folder, shot, found, formats
         As for `write_results`; the shot has its pictures, as `kolsky.shot.load.load_pictures` gives it.
-    csv, vtp
-        Also write every frame's points as CSV, and as VTP for ParaView.
+    csv, vtu
+        Also write every frame's points as CSV, and as VTU for ParaView.
     processes
         Processes that draw the page.
     """
@@ -312,12 +312,12 @@ def write_dic_results(
             from dic.output import write_frames
 
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
-        if vtp:
-            from kolsky.report.paraview import write_vtp
+        if vtu:
+            from kolsky.report.paraview import write_body_vtu
 
-            write_vtp(partial / "vtp", result.specimen, "specimen")
+            write_body_vtu(partial / "vtu", result.specimen, "specimen")
             if result.flyer is not None:
-                write_vtp(partial / "vtp", result.flyer, "flyer")
+                write_body_vtu(partial / "vtu", result.flyer, "flyer")
         write_files(partial, {"dic.html": render_surfaces(shown, shot.inputs, processes=processes)})
 
 
@@ -376,13 +376,9 @@ def write_prediction_results(
     scan: Scan | None = None,
     aim: Aim | None = None,
     *,
-    film: str = "",
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of a prediction with its scan and the point found in it, and a film if requested.
-
-    ``film``: "mp4" or "gif"; empty for no film.
-    """
+    """Write the results of a prediction with its scan and the point found in it."""
     from kolsky.prediction.design import write_specification
 
     files = _files_of(found, scan, aim, formats=formats)
@@ -390,10 +386,6 @@ def write_prediction_results(
         from kolsky.report.figures import SCANS
 
         files |= figure_files(formats, found, ((scan, aim), SCANS))
-    if film:
-        from kolsky.report.films import write_prediction_film
-
-        files[f"prediction.{film}"] = lambda path: write_prediction_film(path, found)
     with filling(folder) as partial:
         write_tables(partial, tables_of(found, scan, aim))
         write_files(partial, files)
@@ -408,12 +400,11 @@ def write_specimen_results(
     *,
     formats: Sequence[str] = (),
     vtu: bool = False,
-    stills: bool = False,
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Force curves also give specimen.h5, and curves for `identify`. ``vtu``, ``stills``: also write the last
-    sample of each test for ParaView, and draw it by PyVista.
+    Force curves also give specimen.h5, and curves for `identify`. ``vtu``: also write the last sample of each
+    test for ParaView.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
@@ -428,13 +419,8 @@ def write_specimen_results(
         tables = output.field_tables(view.fit, view.steps, view.stiffness)
         files["specimen.json"] = output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
         solutions, fields = {"sheet": view.fit.cost.state.solution}, view.fields
-    for name, solution in solutions.items():
-        if vtu:
-            files[f"{name}.vtu"] = partial(write_solution_vtu, solution=solution, fields=fields)
-        if stills:
-            from kolsky.report.films import write_specimen_still
-
-            files[f"stills/{name}.png"] = partial(write_specimen_still, solution=solution)
+    for name, solution in solutions.items() if vtu else ():
+        files[f"{name}.vtu"] = partial(write_solution_vtu, solution=solution, fields=fields)
     write_folder(folder, files | figure_files(formats, view), tables)
 
 

@@ -5,13 +5,12 @@ from functools import partial
 from pathlib import Path
 
 from dic.bodies.region import Region
-from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder
 from kolsky.base.toml import read_toml
 from kolsky.pictures.correlation import places_of, region_of
 from kolsky.pictures.measurement import read_measurement
 from kolsky.pictures.picture_set import PictureSet, Progress
-from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Session, drawables_of_measurement, png_of
+from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Session, drawables_of_measurement
 from kolsky.schema.pictures import MeasurementFile, find_measurement_file
 from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_pictures
@@ -88,13 +87,3 @@ def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Region]], 
     places = places_of(pictures)
     drawn = {"specimen": places.specimen, "flyer": places.flyer, "transmission_edge": Region((places.edge,))}
     return {key: [drawn[key]] for key in places.found}, places.why
-
-
-def frames_to_show(session: Session) -> tuple[int, ...]:
-    """Frames to display: the first, the middle and the last that can be read."""
-    n = session.pictures.n_frames
-    found = [k for k in dict.fromkeys((0, n // 2, n - 1)) if not isinstance(png_of(session.pictures, k), str)]
-    if not found:
-        message = "has no frame of camera 0 that can be read"
-        raise InputError(session.path, message, cure="copy or export the pictures again")
-    return tuple(found)

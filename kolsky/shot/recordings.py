@@ -1,86 +1,19 @@
-"""Recordings of a shot for its report: force channel, flyer and its path, and a few of its pictures."""
+"""Recordings of a shot for its report: force channel, flyer and its path, a pair of its pictures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dic.basics import cv2
-from dic.outcome import FrameOutcome
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
-from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
-from kolsky.pictures.frames import read_frames
-from kolsky.pictures.picture_set import PicturePair, open_pictures, picture_pair
-from kolsky.schema.shot_file import ShotToml, Source, shot_toml
+from kolsky.pictures.picture_set import PicturePair, picture_pair
+from kolsky.schema.shot_file import Source, shot_toml
 from kolsky.shot.records import Shot
-
-if TYPE_CHECKING:
-    from dic.result import StereoResult
-
-
-FILM_PICTURES = 24
-"""Maximum number of stored pictures."""
-FILM_WIDTH = 260
-"""Width of each [px]."""
-MARGIN = 0.2
-"""Margin around the specimen, as a share of its size [-]."""
-JPEG_QUALITY = 75
-"""JPEG quality, 0 to 100; the pictures are for display only."""
-
-
-@dataclass(frozen=True, eq=False)
-class PictureFilm:
-    """Small pictures of camera 0 with their times."""
-
-    time: FloatArray
-    """Frame times on the shot's clock [s], shape [n]."""
-    jpeg: tuple[bytes, ...]
-    """The pictures, all of one size."""
-
-
-def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
-    """Pictures at equal time intervals, up to the last frame with points. None if no picture can be read."""
-    from dic.images import PictureError  # for shots with pictures only
-
-    valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
-    try:
-        series = open_pictures(toml, read_frames(toml)).series[0]
-    except InputError:
-        return None
-    if not valid.size or series.n_frames != result.outcome.size:
-        return None
-    chosen = valid[np.unique(np.round(np.linspace(0, valid.size - 1, FILM_PICTURES)).astype(int))]
-    rows, columns = part_of_picture(result.specimen.pixels[0][chosen], series.shape)
-    full = float(2**series.bits - 1)
-    times, pictures = [], []
-    for frame in chosen:
-        try:
-            picture = np.asarray(series.frame(int(frame)), dtype=np.float64)[rows, columns]
-        except PictureError:
-            continue
-        height = max(1, round(picture.shape[0] * FILM_WIDTH / picture.shape[1]))
-        grey = np.asarray(np.clip(picture * (255.0 / full), 0.0, 255.0), dtype=np.uint8)
-        small = cv2.resize(grey, (FILM_WIDTH, height), interpolation=cv2.INTER_AREA)
-        pictures.append(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())
-        times.append(result.t[frame])
-    return PictureFilm(np.array(times), tuple(pictures)) if times else None
-
-
-def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns that contain all points, with a margin of `BESIDE` times their extent on each side."""
-    cuts = []
-    for axis, size in ((1, shape[0]), (0, shape[1])):
-        low, high = np.nanmin(pixels[..., axis]), np.nanmax(pixels[..., axis])
-        margin = MARGIN * (high - low)
-        cuts.append(slice(max(0, int(low - margin)), min(size, int(np.ceil(high + margin)) + 1)))
-    return cuts[0], cuts[1]
-
 
 PATH_POINTS = 801
 """Number of times at which the fitted path is drawn."""
@@ -142,8 +75,6 @@ class ShotRecordings:
     """The numbers of the surfaces by name, from `kolsky.pictures.summary.numbers`; empty without surfaces."""
     pair: PicturePair | str = ""
     """A pair of pictures with the points drawn on it, or the reason why there is none."""
-    film: PictureFilm | None = None
-    """A few small pictures through the test; None if there are none."""
 
 
 def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
@@ -246,5 +177,4 @@ def surface_of(source: Source, folder: Path) -> dict[str, Any]:
         "surface_page": page,
         "numbers": numbers(result),
         "pair": picture_pair(toml, result),
-        "film": _picture_film(toml, result),
     }

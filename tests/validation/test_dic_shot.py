@@ -133,7 +133,7 @@ def test_pictures_without_exports_need_their_tables(copy):
 @pytest.fixture(scope="module")
 def correlated(short, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
-    result = run_kolsky("dic", short, "--out", out, "--csv", "--vtp", "--figures", "svg", "--json")
+    result = run_kolsky("dic", short, "--out", out, "--csv", "--vtu", "--figures", "svg", "--json")
     return out, result
 
 
@@ -146,10 +146,10 @@ def test_dic_writes_what_it_says(short, correlated):
     assert told["epipolar_rms_px"] < 0.05  # the calibration's residual is 0.025 px
     names = {path.name for path in out.iterdir()}
     assert {
-        "dic.h5", "dic.html", "centreline.csv", "flyer.csv", "dic_reporting.md", "surface", "vtp",
+        "dic.h5", "dic.html", "centreline.csv", "flyer.csv", "dic_reporting.md", "surface", "vtu",
     } <= names  # fmt: skip
     assert len(list((out / "surface").glob("frame_*.csv"))) == FRAMES
-    assert len(list((out / "vtp").glob("specimen_*.vtp"))) == FRAMES
+    assert len(list((out / "vtu").glob("specimen_*.vtu"))) == FRAMES
     header, first = (out / "surface" / "frame_0000.csv").read_text().splitlines()[:2]
     assert header.startswith("X,Y,Z,U,V,W,x,y,Sigma,sigma_X,sigma_Y,sigma_Z,e,exx,eyy,exy,outcome")
     assert first.endswith(",VALID")

@@ -3,9 +3,7 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import FORCE as FORCE_CHANNEL
@@ -33,7 +31,7 @@ from kolsky.report.figures.base import (
     largest,
     note_empty,
 )
-from kolsky.report.scene.drawing import CannotRender, evenly_spaced, offscreen_pyvista, render
+from kolsky.report.scene.drawing import draw_cut, evenly_spaced
 from kolsky.report.scene.scene_data import FIELDS, has_scene, scene_of
 from kolsky.results.numbers import percent, plain
 
@@ -301,31 +299,19 @@ def energy(result: Identification, panels: Panels) -> str:
 
 
 STILLS = 3
-"""Number of pictures of the specimen in three dimensions."""
+"""Number of pictures of the specimen."""
 
 
-@figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
+@figure(PAGE, 42.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
 def scene(result: Identification, panels: Panels) -> str:
     stage = scene_of(result, chosen=lambda n: evenly_spaced(n, STILLS))
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
-    for ax in axes:
-        ax.set_axis_off()
-    try:
-        pyvista = offscreen_pyvista()
-    except CannotRender as why:
-        axes[STILLS // 2].text(0.5, 0.5, "not drawn", transform=axes[STILLS // 2].transAxes, ha="center")
-        return f"The specimen in three dimensions is not drawn: {why}."
-    stills = np.stack([render(pyvista, stage, k, bar=False) for k in range(len(stage.times))])
-    paper = (stills == np.iinfo(np.uint8).max).all(axis=(0, 3))  # one frame for all, so one scale
-    (rows,), (columns,) = (~paper).any(axis=1).nonzero(), (~paper).any(axis=0).nonzero()
-    for ax, still, time in zip(axes, stills, stage.times, strict=False):
-        ax.imshow(still[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], interpolation="none")
-        ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
-    kind = FIELDS[stage.field]
-    colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
-    colour_bar(colours, axes, kind.label, location="bottom", aspect=50, shrink=0.5)
+    for k, (ax, time) in enumerate(zip(axes, stage.times, strict=False)):
+        drawn = draw_cut(ax, stage, k)
+        ax.set_xlabel(f"$r$ (mm) at {MS * time:.2f} ms")
+    axes[0].set_ylabel("$y$ (mm)")
+    colour_bar(drawn, axes, FIELDS[stage.field].label, location="bottom", aspect=50, shrink=0.5)
     return (
-        "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by "
-        "the smallest principal stretch; next to it the measured outline, nearest frame, revolved about "
-        "the axis. Points: as measured."
+        "The check run, cut along the axis, between the platens, coloured by the smallest principal stretch. "
+        "Points: the measured outline in the nearest frame, on both sides."
     )

@@ -1,11 +1,8 @@
 """Pages of an identification of one shot or several: answers, their uncertainty, search, causes.
 
-The tables of uncertainty are in `kolsky.report.pages.uncertainty`. The slider over time reads its numbers
-from the page, see `instrument`.
+The tables of uncertainty are in `kolsky.report.pages.uncertainty`.
 """
 
-import base64
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,12 +13,11 @@ from markupsafe import Markup
 from dic.files import replacing
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
-from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.cause_inputs import WITHOUT_TRACE
 from kolsky.diagnosis.joint_fit import cause_sentence
 from kolsky.inverse.joint_result import JointResult, interval
 from kolsky.inverse.parameters import PARAMETERS, has_effect, reference_words
-from kolsky.inverse.result import FORCE, CauseFinding, Estimate, Identification, Verdict, worst_imbalance
+from kolsky.inverse.result import CauseFinding, Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report.figures import RECORDINGS, REGISTRY
 from kolsky.report.pages.rendering import (
     FigureGroup,
@@ -279,65 +275,6 @@ def _cause_answer(name: str, value: float | None, sigma: float | None = None) ->
     return f"{best} ± {half}"
 
 
-_MS_PER_S, _MM_PER_M, UM_PER_M = 1e3, 1e3, 1e6
-_DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
-"""Digits behind the point: times [ms], lengths [mm], residuals [µm], forces [N]."""
-
-
-def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
-    """The numbers as JSON for embedding in a page."""
-    text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
-    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it
-
-
-def instrument_numbers(result: Identification, recordings: ShotRecordings | None) -> dict[str, Any]:
-    """Force, outlines and pictures in ms, N, mm and µm; None for a missing number."""
-    c, response = result.comparison, result.response
-    film = None if recordings is None else recordings.film
-    return {
-        "force": {
-            "time": _rounded_list(_MS_PER_S * c.force_time, "time"),
-            "measured": _rounded_list(c.force_measured, "force"),
-            "model": _rounded_list(c.force_model, "force"),
-            "sigma": _rounded_list(result.spread(FORCE), "force"),
-        },
-        "outlines": _outlines(result),
-        "simulated": {
-            "time": _rounded_list(_MS_PER_S * response.surface_times, "time"),
-            "r": [_rounded_list(_MM_PER_M * row, "length") for row in response.surface_r[0]],
-            "y": [_rounded_list(_MM_PER_M * row, "length") for row in response.surface_y[0]],
-        },
-        "pictures": {
-            "time": [] if film is None else _rounded_list(_MS_PER_S * film.time, "time"),
-            "jpeg": [] if film is None else [base64.b64encode(data).decode() for data in film.jpeg],
-        },
-    }
-
-
-def _outlines(result: Identification) -> list[dict[str, Any]]:
-    """The measured outline frame by frame, from the lower end upward."""
-    c, line = result.comparison, result.comparison.centre_line
-    frames = []
-    for number in np.unique(line.frame):
-        rows = np.flatnonzero(line.frame == number)
-        rows = rows[np.argsort(line.y[rows], kind="stable")]
-        frames.append(
-            {
-                "time": _rounded_list(_MS_PER_S * line.time[rows[:1]], "time")[0],
-                "y": _rounded_list(_MM_PER_M * line.y[rows], "length"),
-                "Z": _rounded_list(_MM_PER_M * line.Z[rows], "length"),
-                "sigma": _rounded_list(UM_PER_M * line.sigma[rows], "residual"),
-                "residual": _rounded_list(UM_PER_M * (c.Z_model[rows] - line.Z[rows]), "residual"),
-            }
-        )
-    return frames
-
-
-def _rounded_list(values: FloatArray, kind: str) -> list[float | None]:
-    """Numbers with the digits of their kind. Values that are not finite become None."""
-    return [round(float(x), _DIGITS[kind]) if np.isfinite(x) else None for x in values]
-
-
 _TEMPLATE = "identification.html"
 _TESTED = ("specimen", "specimen_length", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
@@ -359,8 +296,7 @@ def render(
         subject="identification",
         result=result,
         figures=figures,
-        instrument=instrument(identification, recordings),
-        script=script("folds.js") + script("instrument.js"),
+        script=script("folds.js"),
         answers=[answer_row(e) | {"dominant": dominant(result, e)} for e in result.estimates.values()],
         next=summary(identification)["next"],
         facts=_data_facts(result),

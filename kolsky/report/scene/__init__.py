@@ -1,1 +1,1 @@
-"""Rendered pictures and films of the deforming specimen between its platens, made without a window."""
+"""Pictures and films of the deforming specimen between its platens, made without a window."""

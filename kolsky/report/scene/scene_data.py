@@ -1,7 +1,6 @@
-"""Scene of a film or still: deforming mesh, a field at its nodes, measured points and surfaces.
+"""Scene of a film or still: deforming mesh, a field of its elements, measured outline.
 
-A new field is one function and one line of `FIELDS`. The surfaces show the specimen cut in half between
-its platens, with the measured body next to it.
+A new field is one function and one line of `FIELDS`.
 """
 
 from __future__ import annotations
@@ -121,30 +120,15 @@ class SceneDataMissing(ValueError):
 
 
 @dataclass(frozen=True)
-class SceneMesh:
-    """Connectivity of the mesh: elements, faces and side surface."""
-
-    quads: NDArray[np.int64]
-    """Corners of the elements, shape [n_elements, 4]."""
-    lower_face: NDArray[np.int64]
-    """Nodes on the flyer's platen, from the axis outward."""
-    side: NDArray[np.int64]
-    """Nodes of the side surface from the transmission end, both edges included."""
-    upper_face: NDArray[np.int64]
-    """Nodes on the other platen, from the axis outward."""
-
-
-@dataclass(frozen=True)
 class Scene:
     """One simulation with measured data, ready to be drawn."""
 
-    mesh: SceneMesh
     times: FloatArray
     """Times of the pictures [s], shape [n_times]."""
     nodes: FloatArray
-    """Positions (r, y) of the nodes [m], shape [n_times, n_nodes, 2]."""
+    """Positions (r, y) of the nodes [m], shape [n_times, n_axial + 1, n_radial + 1, 2]."""
     values: FloatArray
-    """The field at the nodes, shape [n_times, n_nodes]."""
+    """The field of the elements, shape [n_times, n_axial, n_radial]."""
     field: str
     """Name in `kolsky.report.scene.scene_data.FIELDS`."""
     limits: tuple[float, float]
@@ -160,11 +144,6 @@ class Scene:
         near = line.time == line.time[np.argmin(np.abs(line.time - self.times[k]))]
         order = np.argsort(line.y[near])
         return line.y[near][order], line.Z[near][order]
-
-    def points_at(self, k: int) -> FloatArray:
-        """Points (x, y, Z) [m] of the measured outline, x = 0, nearest in time to picture k, shape [n, 3]."""
-        y, Z = self.outline_at(k)
-        return np.column_stack([np.zeros(y.size), y, Z])
 
 
 def has_scene(result: Identification) -> bool:
@@ -204,11 +183,11 @@ def scene_of(
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
+    across, along = result.refined_mesh
     return Scene(
-        mesh=SceneMesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole][shown],
-        nodes=nodes[shown],
-        values=at_nodes(mesh, elements[shown]),
+        nodes=nodes[shown].reshape(-1, along + 1, across + 1, 2),
+        values=elements[shown].reshape(-1, along, across),
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
         measured_outline=result.comparison.centre_line,
@@ -252,98 +231,6 @@ def at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
     count = np.bincount(corner, minlength=mesh.n_nodes)
     spread = np.repeat(elements, 4, axis=1)
     return np.array([np.bincount(corner, row, mesh.n_nodes) for row in spread]) / count
-
-
-_TURNS = 61
-"""Angular divisions of half a revolution, with both ends."""
-PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
-"""Radius of a platen divided by the specimen's largest radius, and thickness of the platen divided by the
-same radius."""
-SIDE_DISTANCE = 2.9
-"""Distance of the measured body from the simulated one, divided by the largest radius."""
-_AZIMUTH, _ELEVATION = np.radians(40.0), np.radians(18.0)
-"""Direction from the specimen to the eye: rotation from Z toward x, and elevation above the plane of Z and
-x."""
-EYE = np.array(
-    [np.sin(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_ELEVATION), np.cos(_AZIMUTH) * np.cos(_ELEVATION)]
-)
-"""Unit vector toward the eye."""
-RIGHT = np.array([np.cos(_AZIMUTH), 0.0, -np.sin(_AZIMUTH)])
-"""Unit vector of the picture to the right."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Quadrilaterals in space."""
-
-    points: FloatArray
-    """Corners (x, y, Z) [m], shape [n, 3]."""
-    faces: NDArray[np.int64]
-    """Corners of each face, shape [m, 4]."""
-    values: FloatArray | None = None
-    """A field at the points, shape [n]."""
-
-    def with_(self, other: Surface) -> Surface:
-        """Both surfaces as one. Both have values, or neither."""
-        values = None
-        if self.values is not None and other.values is not None:
-            values = np.concatenate([self.values, other.values])
-        return Surface(
-            np.vstack([self.points, other.points]),
-            np.vstack([self.faces, other.faces + len(self.points)]),
-            values,
-        )
-
-
-def simulated(scene: Scene, k: int) -> Surface:
-    """Cut plane and outer surface of the half x <= 0 at time k, with the field."""
-    mesh, nodes, values = scene.mesh, scene.nodes[k], scene.values[k]
-    zero = np.zeros(len(nodes))
-    front = Surface(np.column_stack([zero, nodes[:, 1], nodes[:, 0]]), mesh.quads, values)
-    behind = Surface(np.column_stack([zero, nodes[:, 1], -nodes[:, 0]]), mesh.quads, values)
-    skin = np.concatenate([mesh.lower_face, mesh.side[1:-1], mesh.upper_face[::-1]])
-    shell = _revolved(nodes[skin], np.linspace(0.0, np.pi, _TURNS), values[skin])
-    return front.with_(behind).with_(shell)
-
-
-def measured_body(scene: Scene, k: int) -> Surface | None:
-    """The measured outline nearest to time k, revolved and moved aside. None if no outline was measured."""
-    y, Z = scene.outline_at(k)
-    if y.size < 2:
-        return None
-    body = _revolved(np.column_stack([Z, y]), np.linspace(0.0, 2.0 * np.pi, 2 * _TURNS - 1))
-    shift = np.array([-SIDE_DISTANCE * float(scene.nodes[..., 0].max()), 0.0, 0.0])
-    return Surface(body.points + shift, body.faces)
-
-
-def platens(radius: float, top: float) -> tuple[Surface, Surface]:
-    """Halves behind the cut of the lower and upper platen of a specimen of this radius and height [m]."""
-    thick, R = _PLATEN_THICKNESS * radius, PLATEN * radius
-    wall = np.arange(8).reshape(2, 4)
-    halves = []
-    for low in (-thick, top):
-        line = np.array([[0.0, low], [R, low], [R, low + thick], [0.0, low + thick]])
-        cut = np.array([[0.0, y, sign * r] for sign in (1.0, -1.0) for r, y in line])
-        halves.append(Surface(cut, wall).with_(_revolved(line, np.linspace(0.0, np.pi, _TURNS))))
-    return halves[0], halves[1]
-
-
-def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = None) -> Surface:
-    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
-    n = len(line)
-    r, y = line.T
-    x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r
-    points = np.stack([x, np.broadcast_to(y, x.shape), Z], axis=-1).reshape(-1, 3)
-    first = (n * np.arange(len(angles) - 1)[:, None] + np.arange(n - 1)).ravel()
-    faces = np.column_stack([first, first + 1, first + n + 1, first + n])
-    return Surface(points, faces, None if values is None else np.tile(values, len(angles)))
-
-
-def lifted(points: FloatArray, by: float) -> FloatArray:
-    """Points moved outward by ``by`` [m], because the surface would otherwise hide them."""
-    across = np.hypot(points[:, 0], points[:, 2])
-    factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
-    return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])
 
 
 def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:

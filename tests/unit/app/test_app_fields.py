@@ -1,4 +1,4 @@
-"""Measured fields in a page: maps over pictures and in space, one point over time, a calibration."""
+"""Measured fields in a page: maps over pictures, one point over time, a calibration."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ from kolsky.app.calibration import ARROW, arrow_scale, pair_words, view_svg
 from kolsky.app.fields import path_svg, point_words, scale_html
 from kolsky.app.pictures import measured_in, open_all
 from kolsky.pictures.dic_file import write_full_field
-from kolsky.report.scene.drawing import renders
-from kolsky.report.surface_maps import View, faces_of, limits_of, map_png, space_png
+from kolsky.report.surface_maps import faces_of, limits_of, map_png
 from kolsky.shot.measured_points import MeasuredPoints, points_of, read_measured_points
 
 STRETCH = 0.02
@@ -139,30 +138,6 @@ def test_a_map_has_the_colour_of_the_value_at_its_point(specimen: MeasuredPoints
     np.testing.assert_array_equal(
         picture[int(4 * (y + 0.5)), int(4 * (x + 0.5))], (0x00, 0x5E, 0xD5, 255)
     )  # blue, green, red of a low correlation
-
-
-@pytest.mark.slow  # VTK is tried in a process of its own first
-def test_the_surface_in_space_turns(specimen: MeasuredPoints) -> None:
-    if not renders():
-        pytest.skip("VTK cannot render here")
-    limits = limits_of(specimen.fields["V"])
-    pictures = [
-        cv2.imdecode(
-            np.frombuffer(space_png(specimen, "V", 30, limits=limits, view=view, chosen=150), np.uint8),
-            cv2.IMREAD_COLOR,
-        )
-        for view in (View(), View(0.0, 0.0), View(0.0, 89.0))
-    ]
-    slender = []
-    for picture in pictures:
-        assert picture is not None
-        colourful = np.ptp(np.asarray(picture).astype(int), axis=2) > 60
-        colourful[-130:, :130] = False  # the axes
-        tall, wide = np.ptp(np.argwhere(colourful), axis=0)
-        slender.append(tall / wide)
-    b, g, r = np.moveaxis(np.asarray(pictures[1]).astype(int), 2, 0)
-    assert ((r > 150) & (g < 130) & (b < 60)).sum() > 30  # the chosen point
-    assert slender[1] > 1.5 * slender[2]  # from above, 0.24 of a radius is left of the height
 
 
 def test_what_is_known_of_a_point_is_told(specimen: MeasuredPoints) -> None:

@@ -24,7 +24,7 @@ from synthetic import fit, synthetic
 from kolsky.app.copies import changed_value, copy_with, original_of
 from kolsky.app.frame import source_of
 from kolsky.app.look import PICTURE_WIDTH, answer_words, misfit_words
-from kolsky.app.what_if import GRID, Misfit, WhatIf
+from kolsky.app.what_if import Misfit, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.result import CauseFinding
 from kolsky.results.hdf5 import write_identification
@@ -52,24 +52,17 @@ def test_the_misfit_is_the_residual_over_what_a_right_model_leaves(what_if: What
     misfit = what_if.misfit(prediction, 0)
     assert misfit.force == pytest.approx(2.0, rel=1e-12)
     assert misfit.outline == pytest.approx(3.0, rel=1e-9)
-    assert misfit.joint == pytest.approx(np.sqrt(6.5), rel=1e-9)
-    assert Misfit(2.0, float("nan")).joint == 2.0
 
 
-def test_one_simulation_and_the_valley_around_it(what_if: WhatIf) -> None:
+def test_one_simulation_and_a_softer_one(what_if: WhatIf) -> None:
     start = what_if.start
     assert set(start) == {"stiffness_factor", "poisson", "damping"}  # bonded: no friction
     for name, value in start.items():
         low, high = what_if.bounds(name)
         assert low < value < high
     answer = what_if.run(start)
-    valley = what_if.valley(("stiffness_factor", "damping"), start)
-    assert valley.misfit.shape == (GRID, GRID)
-    middle = valley.misfit[GRID // 2, GRID // 2]  # the answer lies in the middle of both sliders
-    assert middle == pytest.approx(answer.misfit.joint, rel=1e-6)
-    softer = what_if.run({**start, "stiffness_factor": valley.x[0]})
+    softer = what_if.run({**start, "stiffness_factor": what_if.bounds("stiffness_factor")[0]})
     assert softer.misfit.force != answer.misfit.force
-    assert valley.misfit[GRID // 2, 0] == pytest.approx(softer.misfit.joint, rel=1e-6)
     with pytest.raises(ValueError, match="poisson"):
         what_if.run({**start, "poisson": 0.6})
 
@@ -173,7 +166,5 @@ def test_the_page(tmp_path: Path) -> None:
         assert len(curves["tried"]) > 10
         user.find("Back to the answer").click()
         assert [len(one["data"]) for one in force.options["series"][-2:]] == [len(curves["model"]), 0]
-        user.find("Draw the valley").click()
-        await user.should_not_see("169 simulations", retries=100)
 
     walk(tmp_path / "root", tmp_path / "main.py", steps)

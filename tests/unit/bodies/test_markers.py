@@ -1,11 +1,8 @@
 """Markers: pictures with known positions, closed forms of distance and interval, a known stiffness."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
-from kolsky_command import run_kolsky
 
 from kolsky.bodies.actuator_markers import (
     MarkerComparison,
@@ -15,12 +12,6 @@ from kolsky.bodies.actuator_markers import (
     marker_weights,
 )
 from kolsky.bodies.sheet import outliers, point_noise, project
-from kolsky.equilibrium.meshes import box
-from kolsky.equilibrium.model import Fixed, Model, Prescribed
-from kolsky.equilibrium.solid import CompressibleNeoHookean
-from kolsky.equilibrium.solve import solve
-from kolsky.report.films import largest_stretches
-from kolsky.report.scene import drawing
 from runs.actuator.camera import (
     NoMarkersError,
     PlaneCamera,
@@ -136,30 +127,6 @@ def test_planted_stiffness_comes_back_within_its_interval() -> None:
     assert found.explained
     assert found.low < 1.2 < found.high
     assert found.high - found.low < 0.1
-
-
-RUBBER = CompressibleNeoHookean.from_young(30e3, 0.3)
-
-
-@pytest.mark.parametrize("kinematics", ["3d", "plane_strain"])
-def test_stretches_of_a_uniform_pull(kinematics: str) -> None:
-    d = 3 if kinematics == "3d" else 2
-    kind = "hex8" if d == 3 else "quad4"
-    free = tuple(Fixed(side, (axis,)) for side, axis in (("left", 0), ("bottom", 1), ("back", 2))[:d])
-    mesh = box((2.0, 1.0, 0.5)[:d], (2, 1, 1)[:d], kind=kind)
-    model = Model(mesh, RUBBER, (*free, Prescribed("right", 0, "pull")), kinematics=kinematics)  # type: ignore[arg-type]
-    stretches = largest_stretches(solve(model, {"pull": [0.5, 1.0]}))
-    np.testing.assert_allclose(stretches, [1.5, 1.5], rtol=1e-9)
-
-
-def test_stills_are_refused_before_the_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def absent() -> None:
-        raise drawing.CannotRender("pictures of the scene need PyVista")
-
-    monkeypatch.setattr(drawing, "offscreen_pyvista", absent)
-    result = run_kolsky("specimen", "fit", tmp_path / "none.toml", "--stills", code=2)
-    assert "need PyVista" in result.output
-    assert "--vtu" in result.output
 
 
 GRID = np.stack(np.meshgrid(np.arange(12.0), np.arange(9.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3

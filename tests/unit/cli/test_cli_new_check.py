@@ -146,7 +146,7 @@ def test_help_imports_nothing_heavy() -> None:
         "sys.argv = ['kolsky', '--help']\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "heavy = {'warp', 'numpy', 'scipy', 'matplotlib', 'pyvista', 'vtk', 'vtkmodules', 'pint',\n"
-        "         'pydantic', 'h5py', 'cv2', 'skimage', 'pandas', 'xarray'}\n"
+        "         'pydantic', 'h5py', 'cv2', 'skimage', 'pandas'}\n"
         "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)\n"
     )
     result = subprocess.run(

@@ -54,7 +54,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
-    return out, json_of("dic", folder, "--out", out, "--csv", "--vtp")
+    return out, json_of("dic", folder, "--out", out, "--csv", "--vtu")
 
 
 def test_a_plane_stretch_comes_out_with_its_extensometer(done):

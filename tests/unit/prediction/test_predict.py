@@ -230,7 +230,7 @@ def test_the_command(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_elements_and_bars_agree_on_the_papers_test(paper: PlannedTest, tmp_path: Path) -> None:
-    """The order of the paper's Fig. 5, its rate and its compression, with a film."""
+    """The order of the paper's Fig. 5, its rate and its compression."""
     from kolsky.report.result_folder import write_prediction_results
 
     coarse = varied_test(paper, {"run.mesh": [8, 11], "run.step": "200 ns"})
@@ -240,8 +240,7 @@ def test_elements_and_bars_agree_on_the_papers_test(paper: PlannedTest, tmp_path
     assert events.separation < events.arrest < events.push_back < events.second_impact
     assert 340.0 < found.numbers.mean_rate < 429.0
     assert found.numbers.largest_strain == pytest.approx(0.70, abs=0.03)
-    write_prediction_results(tmp_path, found, film="gif")
-    assert (tmp_path / "prediction.gif").stat().st_size > 10_000
+    write_prediction_results(tmp_path, found)
     assert (tmp_path / "outline.csv").exists()
 
 

@@ -1,4 +1,4 @@
-"""Notebook views of shots, surfaces and answers: HTML, pandas and xarray tables."""
+"""Notebook views of shots, surfaces and answers: HTML and pandas tables."""
 
 import importlib
 import sys
@@ -22,14 +22,13 @@ from dic.result import SurfaceStrain
 from dic.views import ResultViews
 from kolsky.prediction.predict import predict, read_test
 from kolsky.report import ipython
-from kolsky.report.notebook import html, to_dataframe, to_xarray
+from kolsky.report.notebook import html, to_dataframe
 from kolsky.report.result_folder import RESULTS
 from kolsky.results.tables import tables
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare
 
 pytest.importorskip("pandas")
-pytest.importorskip("xarray")
 
 EVIL = "<script>alert(1)</script>"
 
@@ -65,13 +64,6 @@ def test_a_surface_as_a_data_frame() -> None:
     assert row["outcome"] == "valid"
     assert np.isnan(frame["u_x (m)"].iloc[5])  # lost: no number that could be mistaken for one
     assert frame["outcome"].iloc[5] != "valid"
-
-
-def test_a_surface_as_a_dataset() -> None:
-    data = to_xarray(surface())
-    assert dict(data.sizes) == {"frame": 2, "point": 3, "component": 3}
-    assert float(data.u.sel(component="y").isel(frame=1, point=1)) == 13.0
-    assert np.isnan(data.u.isel(frame=1, point=2)).all()
 
 
 def test_an_identification_says_its_answer() -> None:
@@ -110,15 +102,6 @@ def test_estimates_and_routes_as_data_frames() -> None:
         to_dataframe(found, "curves")
 
 
-def test_an_identification_as_a_dataset() -> None:
-    found = synthetic()
-    data = to_xarray(found)
-    np.testing.assert_array_equal(data.force_simulated, found.comparison.force_model)
-    assert data.attrs["stiffness_factor"] == found.estimates["stiffness_factor"].value
-    assert data.Z_measured.attrs["units"] == "m"
-    assert data.sizes["surface_time"] == len(found.response.surface_times)
-
-
 def field() -> FullField:
     """A plane of three points in two frames; the last one is lost in the second frame."""
     at_rest = surface()
@@ -133,15 +116,16 @@ def field() -> FullField:
 
 
 def test_a_field_has_displacements_and_strains() -> None:
-    data = field().to_xarray()
-    assert set(data.sizes.items()) == {("frame", 2), ("point", 3)}
-    assert [float(data[name].isel(frame=1, point=1)) for name in "uv"] == [12.0, 13.0]  # counted through
-    assert "w" not in data
-    assert np.isnan(data.u.isel(frame=1, point=2))
-    assert [float(data[name][0, 0]) for name in ("exx", "eyy", "exy")] == [0.01, -0.02, 0.005]
-    assert data.u.attrs["units"] == "px"
     table = field().to_pandas("points")
     assert len(table) == 6
+    row = table[(table["frame"] == 1) & (table["point"] == 1)].iloc[0]
+    assert [row[name] for name in "uv"] == [12.0, 13.0]  # counted through the array
+    assert [row[f"X_{name}"] for name in "xyZ"] == [0.0, 1.0, 0.0]
+    assert [row[name] for name in ("t", "column", "row", "u_sigma")] == [1e-3, 1, 0, 1e-6]
+    assert "w" not in table
+    assert np.isnan(table["u"].iloc[5])  # lost
+    assert [row[name] for name in ("exx", "eyy", "exy")] == [0.01, -0.02, 0.005]
+    assert row["eyy_sigma"] == pytest.approx(0.002, rel=1e-12)
     assert list(table["v"][:2]) == [1.0, 4.0]
     assert list(field().to_pandas()["frame"]) == [0, 1]
     assert repr(field()).startswith("FullField(kind='plane', unit='px', timed=False, frame_outcome: 2, ")
@@ -207,32 +191,28 @@ def test_a_notebook_shows_every_type_that_has_a_view() -> None:
     assert field()._repr_html_() is None  # its short text is shown
 
 
-@pytest.mark.parametrize("view", [to_dataframe, to_xarray])
-def test_what_has_no_view_is_named(view: Any) -> None:
-    with pytest.raises(TypeError, match=r"dict has no view for .*; shots, surfaces and results have one"):
-        view({})
+def test_what_has_no_view_is_named() -> None:
+    with pytest.raises(TypeError, match="dict has no view for pandas; shots, surfaces and results have one"):
+        to_dataframe({})
 
 
 PLANNED = Path(__file__).parents[3] / "runs" / "predict" / "paper.toml"
-RESULTS_WITH_TABLES: dict[str, tuple[Callable[[], Any], str, str]] = {
-    "waves": (made_result, "time (s)", "time"),
-    "rates": (lambda: compare(five()), "shot", "shot"),
-    "prediction": (lambda: predict(read_test(PLANNED), quick=True), "time (s)", "time"),
+RESULTS_WITH_TABLES: dict[str, tuple[Callable[[], Any], str]] = {
+    "waves": (made_result, "time (s)"),
+    "rates": (lambda: compare(five()), "shot"),
+    "prediction": (lambda: predict(read_test(PLANNED), quick=True), "time (s)"),
 }
-"""Results beside an identification: how one is made, a heading of its main table, the variable it becomes."""
+"""Results beside an identification: how one is made, a heading of its main table."""
 
 
 @pytest.mark.parametrize("which", RESULTS_WITH_TABLES)
 def test_any_result_has_its_tables(which: str, tmp_path: Path) -> None:
-    make, heading, variable = RESULTS_WITH_TABLES[which]
+    make, heading = RESULTS_WITH_TABLES[which]
     found = make()
     frame = to_dataframe(found)
     assert heading in frame.columns
-    dataset = to_xarray(found)
-    assert dataset[variable].sizes == {"row": len(frame)}
     if heading.endswith("(s)"):
-        assert dataset[variable].attrs == {"units": "s"}
-        assert np.all(np.diff(dataset[variable].to_numpy()) > 0.0)
+        assert np.all(np.diff(frame[heading].to_numpy()) > 0.0)
     with pytest.raises(ValueError, match="there is no table 'none'; choose from "):
         to_dataframe(found, "none")
 

@@ -139,7 +139,7 @@ def test_page_is_whole_in_itself(html: str) -> None:
     assert "://" not in html
     assert "@import" not in html
     assert "default-src 'none'" in html  # a browser would refuse to load anything anyway
-    assert html.count("<script") == 2  # the numbers of the slider and what draws them: see test_instrument
+    assert html.count("<script") == 1  # it opens sections: see test_page_policy
 
 
 def test_page_ids_are_unique_and_references_resolve(html: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from kolsky.report.paraview import QUAD, TRIANGLE, write_grid, write_series, write_surface
+from kolsky.report.paraview import QUAD, TRIANGLE, VERTEX, write_grid, write_series
 
 POINTS = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 3.0, 0.0], [0.0, 3.0, 0.1]])
 FIELDS = {
@@ -24,7 +24,10 @@ def _same(found: pyvista.DataSet) -> None:
         np.testing.assert_array_equal(found.point_data[name], values)
 
 
-@pytest.mark.parametrize(("cells", "kind"), [([[0, 1, 2, 3]], QUAD), ([[0, 1, 2], [0, 2, 3]], TRIANGLE)])
+@pytest.mark.parametrize(
+    ("cells", "kind"),
+    [([[0, 1, 2, 3]], QUAD), ([[0, 1, 2], [0, 2, 3]], TRIANGLE), ([[0], [1], [2], [3]], VERTEX)],
+)
 def test_a_grid_reads_back(cells: list[list[int]], kind: int, tmp_path: Path) -> None:
     write_grid(tmp_path / "a.vtu", POINTS, np.array(cells), kind, FIELDS)
     found = pyvista.read(tmp_path / "a.vtu")
@@ -32,28 +35,15 @@ def test_a_grid_reads_back(cells: list[list[int]], kind: int, tmp_path: Path) ->
     np.testing.assert_array_equal(found.cells_dict[kind], cells)
 
 
-def test_a_surface_reads_back_with_and_without_faces(tmp_path: Path) -> None:
-    write_surface(tmp_path / "a.vtp", POINTS, np.array([[0, 1, 2], [0, 2, 3]]), FIELDS)
-    found = pyvista.read(tmp_path / "a.vtp")
-    _same(found)
-    np.testing.assert_array_equal(found.regular_faces, [[0, 1, 2], [0, 2, 3]])
-    write_surface(tmp_path / "b.vtp", POINTS, np.zeros((0, 3), dtype=int), FIELDS)
-    found = pyvista.read(tmp_path / "b.vtp")
-    _same(found)
-    assert found.n_verts == 4  # else ParaView shows nothing
-
-
 def test_nothing_at_all_is_an_empty_file_that_is_read(tmp_path: Path) -> None:
-    nothing, no_cells = np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
-    write_grid(tmp_path / "a.vtu", nothing, no_cells, TRIANGLE, {"u": nothing})
-    write_surface(tmp_path / "a.vtp", nothing, no_cells, {"u": nothing})
+    nothing = np.zeros((0, 3))
+    write_grid(tmp_path / "a.vtu", nothing, np.zeros((0, 3), dtype=int), TRIANGLE, {"u": nothing})
     assert pyvista.read(tmp_path / "a.vtu").n_points == 0
-    assert pyvista.read(tmp_path / "a.vtp").n_points == 0
 
 
 def test_a_series_lists_its_times(tmp_path: Path) -> None:
-    files = [tmp_path / "a.vtp", tmp_path / "b.vtp"]
+    files = [tmp_path / "a.vtu", tmp_path / "b.vtu"]
     for file in files:
-        write_surface(file, POINTS, np.zeros((0, 3), dtype=int), {})
+        write_grid(file, POINTS, np.zeros((0, 3), dtype=int), TRIANGLE, {})
     write_series(tmp_path / "s.pvd", [0.0, 1.0 / 3.0], files)
     assert pyvista.get_reader(tmp_path / "s.pvd").time_values == [0.0, 1.0 / 3.0]

@@ -1,4 +1,4 @@
-"""Regions by hand: rejected inputs, the edit of the TOML text, the session of a page, the grid."""
+"""Regions by hand: rejected inputs, the edit of the TOML text, the session of a page."""
 
 import re
 import tomllib
@@ -16,13 +16,9 @@ from kolsky.pictures.regions import (
     Session,
     crossing_sides,
     drawables_of_measurement,
-    grid_step,
     png_of,
     polygon_area,
     problems_of,
-    snippet,
-    with_grid,
-    write_grids,
 )
 
 ROWS, COLUMNS, FRAMES = 40, 60, 3
@@ -193,20 +189,6 @@ def test_a_file_that_would_be_wrong_or_was_changed_is_left_alone(session):
     assert "is refused" in again.save(content)[0]
     assert session.path.read_text() == TEXT + "# refuse\n"
     assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
-
-
-def test_a_grid_has_its_lines_in_the_middle_of_named_pixels(session, tmp_path):
-    assert [grid_step(n) for n in (9, 11, 60, 128, 512, 1920)] == [1, 1, 5, 10, 50, 100]
-    plain = np.zeros((ROWS, COLUMNS), np.uint8)
-    found = with_grid(plain)
-    factor = found.shape[1] // COLUMNS
-    # away from the numbers: the middle of the lower half of the picture
-    row = found[27 * factor]
-    lines = np.flatnonzero((row == (0, 160, 230)).all(axis=1))
-    assert lines.tolist() == [x * factor + factor // 2 for x in range(0, COLUMNS, 5)]
-    written = write_grids(tmp_path / "grids", session, (0, 2))
-    assert [path.name for path in written] == ["grid_0000.png", "grid_0002.png", "regions.toml"]
-    assert tomllib.loads(snippet(session).replace("# specimen", "specimen"))["specimen"]["frame"] == 0
 
 
 def test_an_edit_that_says_something_else_is_refused(monkeypatch):

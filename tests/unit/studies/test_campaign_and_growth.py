@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -65,11 +66,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return Answer(float(question.seed).hex(), f"here {len(seeds) % 2}")
 
     @contextmanager
-    def workers(count: int, dask: str | None) -> Iterator[Any]:
-        yield (lambda work, question: work(question)), list
+    def workers(count: int) -> Iterator[Any]:
+        yield SimpleNamespace(submit=lambda work, question: SimpleNamespace(result=partial(work, question)))
 
     monkeypatch.setattr(campaign, "identified", answered)
-    monkeypatch.setattr(campaign, "workers_of", workers)
+    monkeypatch.setattr(campaign, "process_pool", workers)
     return seeds
 
 
