@@ -66,20 +66,20 @@ class ResultFiles:
     """What the figures show, for `kolsky.report.figures_alone.figure_files`."""
 
 
-_WAVES = ResultFiles(
-    "kolsky.bars.reduction.output.tables",
-    files={
-        "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
-        "waves.html": "kolsky.report.pages.waves.render",
-    },
-)
+_WAVES = {
+    "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
+    "waves.html": "kolsky.report.pages.waves.render",
+}
 RESULTS = {
     "dic.result.FullField": ResultFiles("dic.output.full_field_columns", "history"),
     "kolsky.bars.guides.propagation.BarsTogether": ResultFiles(
         "kolsky.shot.waves.residual_columns", "residual"
     ),
-    "kolsky.bars.records.FlyerResult": _WAVES,
-    "kolsky.bars.records.WavesResult": _WAVES,
+    "kolsky.bars.records.FlyerResult": ResultFiles("kolsky.bars.reduction.output.tables", files=_WAVES),
+    "kolsky.bars.records.WavesResult": ResultFiles(
+        "kolsky.bars.reduction.output.tables",
+        files={**_WAVES, "waves_database.csv": "kolsky.bars.reduction.output.write_database"},
+    ),
     "kolsky.bodies.specimen_fit.SpecimenFit": ResultFiles("kolsky.bodies.specimen_output.tables"),
     "kolsky.inverse.joint_result.JointResult": ResultFiles(
         "kolsky.results.joint.tables",

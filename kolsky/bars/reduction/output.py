@@ -1,13 +1,16 @@
-"""A reduction as files: HDF5 with units, and CSV tables."""
+"""A reduction as files: HDF5 with units, CSV tables, and one CSV with metadata for a materials database."""
 
+import csv
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dic.files import replacing, text_cell
 from kolsky.bars.audit import table_of
 from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, Reduction, WavesResult
+from kolsky.base.arrays import FloatArray
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
@@ -223,3 +226,112 @@ def _test_summary(result: ReducedTest) -> dict[str, Any]:
     keys = ("name", "time", "sigma", "how")
     events = [dict(zip(keys, event, strict=True)) for event in result.events]
     return {"events": events, **valid, "synchronisation": result.synchronisation}
+
+
+_MEGA = 1e-6
+"""Factor from Pa to MPa."""
+DATABASE_FORMAT = "kolsky bar test, version 1"
+"""First line of the metadata."""
+
+
+def write_database(path: Path, result: WavesResult) -> Path:
+    """Write metadata as lines "# key: value", then the table of the reported analysis; returns the path."""
+    with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        for key, value in metadata(result).items():
+            file.write(f"# {_one_line(key)}: {_one_line(value)}\n")
+        rows = csv.writer(file, lineterminator="\n")
+        table = columns(result)
+        rows.writerow(table)
+        rows.writerows([f"{value:.9g}" for value in row] for row in zip(*table.values(), strict=True))
+    return path
+
+
+def columns(result: WavesResult) -> dict[str, FloatArray]:
+    """Columns of the table by name, shape [n] each.
+
+    `load_case` determines whether compression or tension is positive.
+    """
+    r, way, extra = result.reduction, result.analysis, result.extra
+    strain, rate, stress = r.strain[way], r.rate[way], r.stress[way]
+    table = {
+        "time_s": r.time,
+        "engineering_strain": strain.value,
+        "u_engineering_strain": strain.sigma,
+        "engineering_strain_rate_per_s": rate.value,
+        "u_engineering_strain_rate_per_s": rate.sigma,
+        "engineering_stress_MPa": _MEGA * stress.value,
+        "u_engineering_stress_MPa": _MEGA * stress.sigma,
+    }
+    if "true strain (1)" in extra:
+        table |= {
+            "true_strain": extra["true strain (1)"],
+            "u_true_strain": extra["sigma of true strain (1)"],
+            "true_stress_MPa": _MEGA * extra["true stress (Pa)"],
+            "u_true_stress_MPa": _MEGA * extra["sigma of true stress (Pa)"],
+        }
+    return table | {"force_equilibrium": _inside(r.time, r.balanced), "valid": _inside(r.time, result.valid)}
+
+
+def metadata(result: WavesResult) -> dict[str, str]:
+    """Key -> value of the lines above the table."""
+    first, second = result.incident.bar, result.transmission.bar
+    span = result.reduction.balanced
+    said: dict[str, str] = {
+        "format": DATABASE_FORMAT,
+        "test_name": result.name,
+        "test_type": "split Hopkinson (Kolsky) bar",
+        "load_case": f"{result.load}, counted positive",
+        "specimen_shape": "circular cylinder",
+        "specimen_diameter_mm": f"{1e3 * result.specimen.diameter:.6g}",
+        "specimen_length_mm": f"{1e3 * result.specimen.length:.6g}",
+        "specimen_density_kg_per_m3": f"{result.specimen.density:.6g}",
+    }
+    for name, bar in (("incident_bar", first), ("transmission_bar", second)):
+        said |= {
+            f"{name}_diameter_mm": f"{1e3 * bar.diameter:.6g}",
+            f"{name}_youngs_modulus_GPa": f"{1e-9 * bar.youngs_modulus:.6g}",
+            f"{name}_density_kg_per_m3": f"{bar.density:.6g}",
+            f"{name}_wave_speed_m_per_s": f"{bar.wave_speed:.6g}",
+        }
+    said |= {
+        "analysis": result.analysis,
+        "true_quantities": "by constancy of volume; barrelling and necking are not seen",
+        "uncertainty": "u_: combined standard uncertainty, k = 1",
+        "corrections_applied": _names(result, True),
+        "corrections_left_out": _names(result, False),
+        "force_equilibrium_s": "none" if span is None else f"{span[0]:.6g} to {span[1]:.6g}",
+        "validity": result.validity,
+    }
+    for name, (value, sigma, unit) in result.budget.results.items():
+        said[f"{name.replace(' ', '_')}_{_UNITS.get(unit, unit)}".rstrip("_")] = _measured(value, sigma, unit)
+    said |= {f"input_sha256 {name}": digest for name, digest in result.inputs.items()}
+    for package in ("kolsky", "numpy", "scipy"):
+        if package in result.settings:
+            said[f"software {package}"] = result.settings[package]
+    for number, remark in enumerate(result.remarks, start=1):
+        said[f"remark_{number}"] = remark
+    return said
+
+
+_UNITS: Mapping[str, str] = {"Pa": "MPa", "1/s": "per_s", "1": ""}
+
+
+def _measured(value: float, sigma: float, unit: str) -> str:
+    factor = _MEGA if unit == "Pa" else 1.0
+    return f"{factor * value:.6g} (u = {factor * sigma:.2g})"
+
+
+def _names(result: WavesResult, applied: bool) -> str:
+    return ", ".join(dict.fromkeys(c.key for c in result.corrections if c.applied is applied)) or "none"
+
+
+def _inside(time: FloatArray, span: tuple[float, float] | None) -> FloatArray:
+    """1 inside a span, 0 outside."""
+    if span is None:
+        return np.zeros(time.size)
+    return ((time >= span[0]) & (time <= span[1])).astype(float)
+
+
+def _one_line(text: str) -> str:
+    """A text as one line that a spreadsheet does not read as a formula."""
+    return text_cell(" ".join(text.split()))

@@ -71,6 +71,33 @@ def test_the_true_curve_is_that_of_constant_volume(reduced):
     assert share == pytest.approx(0.02, rel=0.05)
 
 
+def test_the_database_file_says_what_it_holds(reduced):
+    folder, said, load = reduced
+    path = folder / "waves_database.csv"
+    head = dict(line[2:].split(": ", 1) for line in lines(path) if line.startswith("# "))
+    assert head["test_name"].startswith("'=")  # no formula for a spreadsheet
+    assert head["load_case"] == f"{load}, counted positive"
+    assert float(head["specimen_diameter_mm"]) == 10.0
+    assert head["analysis"] == "three waves"
+    assert "dispersion" in head["corrections_applied"]
+    assert {"mass", "droop", "punching"} < set(head["corrections_left_out"].split(", "))
+    value = said["results"]["peak stress"]["value"]
+    assert float(head["peak_stress_MPa"].split()[0]) == pytest.approx(1e-6 * value, rel=1e-5)
+    assert len(head["input_sha256 scope.csv"]) == 64
+    columns, own = table(path), table(folder / "waves.csv")
+    for name, other, factor in (
+        ("engineering_strain", "strain, three waves (1)", 1.0),
+        ("engineering_stress_MPa", "stress, three waves (Pa)", 1e-6),
+        ("u_engineering_stress_MPa", "sigma of stress, three waves (Pa)", 1e-6),
+        ("true_stress_MPa", "true stress (Pa)", 1e-6),
+        ("engineering_strain_rate_per_s", "rate, three waves (1/s)", 1.0),
+    ):
+        np.testing.assert_allclose(columns[name], factor * own[other], rtol=1e-7)
+    first, last = said["balanced"]
+    inside = columns["time_s"][columns["force_equilibrium"] == 1.0]
+    assert (inside[0], inside[-1]) == (pytest.approx(first, abs=1e-9), pytest.approx(last, abs=1e-9))
+
+
 def test_rate_stress_and_strain_are_those_that_were_planted(reduced):
     folder, said, _ = reduced
     with h5py.File(folder / "waves.h5") as file:
@@ -139,8 +166,13 @@ def test_the_quoted_analysis_is_the_chosen_one(tmp_path, way, factor):
     assert said["results"]["peak stress"]["value"] == pytest.approx(factor * STRESS, rel=0.03)
     own = said["sensitivity"]["transmission gauge, strain per volt"].get("peak stress", 0.0)
     assert own == pytest.approx((STRESS / 1e-3) * (way == "one wave"), rel=0.03, abs=1e7)
-    rows = table(folder / "results" / "waves.csv")
+    head = dict(
+        line[2:].split(": ", 1) for line in lines(folder / "results" / "waves_database.csv") if ": " in line
+    )
+    assert head["analysis"] == way
+    columns, rows = (table(folder / "results" / name) for name in ("waves_database.csv", "waves.csv"))
     stress = rows[f"stress, {way} (Pa)"]
+    np.testing.assert_allclose(columns["engineering_stress_MPa"], 1e-6 * stress, rtol=1e-7)
     stretch = 1.0 - rows[f"strain, {way} (1)"]
     np.testing.assert_allclose(rows["true stress (Pa)"], stress * stretch, rtol=1e-6, atol=1.0)
 

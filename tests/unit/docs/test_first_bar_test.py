@@ -57,7 +57,7 @@ def test_check_shows_what_step_4_says(first):
 def test_the_page_holds_the_answer_that_was_made(first):
     said = json_of("waves", first)
     named = re.findall(r"`(waves[\w.]*)`", PAGE)
-    assert {"waves.html", "waves.csv"} < set(named)
+    assert {"waves.html", "waves_database.csv"} < set(named)
     for name in named:
         if "." in name:
             assert (first / "results" / name).exists(), name
