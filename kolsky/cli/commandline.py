@@ -21,6 +21,7 @@ from kolsky.base.process import last_work, set_blas_threads
 from kolsky.cli.actuator import actuator_control, actuator_invert, actuator_simulate
 from kolsky.cli.bars import repeats, waves, wavespeed
 from kolsky.cli.dic import calibrate, dic
+from kolsky.cli.doctor import doctor
 from kolsky.cli.identify import demo, identify
 from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit, material_healing
@@ -54,6 +55,7 @@ COMMANDS: dict[str, Command] = {
     "sweep": sweep,
     "budget": budget,
     "film": film,
+    "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
     "material relaxation": material_relaxation,

@@ -22,12 +22,12 @@ FreeParameters = Mapping[str, tuple[float, float] | None]
 
 def _usable_device(option: str, text: str) -> str:
     """The device if this machine has it. Raises InputError otherwise."""
-    from explicit.device import available, select_device
+    from explicit.device import select_device
 
     try:
         select_device(text)
     except ValueError as error:
-        cure = f"give one of this machine's devices: {', '.join(available())}"
+        cure = "give cpu, cuda or cuda:N; `kolsky doctor` lists the devices"
         raise InputError(COMMAND_LINE, f"{option}: {error}", cure=cure) from None
     return text
 

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,9 @@ from dic.basics import OpenCVMissing, cv2
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, usable_folder
 from kolsky.base.process import single_threaded_libraries
+from kolsky.cli import doctor
 from kolsky.cli.commandline import BROUGHT_BY, app, refusing_bad_input
+from kolsky.cli.doctor import OPTIONAL, REQUIRED, examine
 from kolsky.inverse.result import Declaration, Verdict
 from kolsky.results import numbers, printed
 from kolsky.results.hdf5 import read_identification
@@ -497,6 +500,11 @@ def test_every_package_that_a_command_names_is_there() -> None:
     extras = project["optional-dependencies"]
     by_default = {text.partition(">=")[0] for text in project["dependencies"]}
     assert set(BROUGHT_BY.values()) <= by_default | {f"kolsky[{name}]" for name in extras}
+    for distribution, (source, _) in OPTIONAL.items():
+        extra = source.removeprefix("kolsky[").removesuffix("]")
+        brought = extras[extra] if source != extra else by_default
+        assert any(text.startswith(distribution) for text in brought), distribution
+    assert set(REQUIRED) <= by_default
 
 
 def test_a_shot_from_exports_needs_few_libraries(tmp_path: Path) -> None:
@@ -517,6 +525,36 @@ def test_a_shot_from_exports_needs_few_libraries(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_sound_installation(tmp_path: Path) -> None:
+    found = examine(tmp_path)
+    assert found["problems"] == []
+    assert found["devices"][0].startswith("cpu")
+    assert found["versions"]["numpy"] == version("numpy")
+    assert doctor.rows(found)["cores"] == str(found["cores"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "REQUIRED", ("numpy", "no-such-distribution"))
+    monkeypatch.setattr(doctor, "LEAST_SPACE", 1e18)
+    found = examine(tmp_path)
+    assert [problem.partition(" ")[0] for problem in found["problems"]] == [
+        "no-such-distribution",
+        str(tmp_path),
+    ]
+    gone = examine(tmp_path / "nowhere")
+    assert any("nowhere cannot be written to (No such file" in problem for problem in gone["problems"])
+    assert gone["free_bytes"] is None
+
+
+def test_the_command_says_the_same_in_json(tmp_path: Path) -> None:
+    said = json_of("doctor", tmp_path)
+    assert said["versions"]["kolsky"] == examine(tmp_path)["versions"]["kolsky"]
+    assert said["problems"] == []
+    lost = run_kolsky("doctor", tmp_path / "nowhere", code=1)
+    assert "cannot be written to" in lost.output
 
 
 def test_the_version_has_a_short_option() -> None:
