@@ -31,7 +31,6 @@ from itertools import product
 import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.equilibrium.arc_length import ArcPath, follow
 from kolsky.equilibrium.loads import faces_on
 from kolsky.equilibrium.meshes import Mesh, grid
 from kolsky.equilibrium.model import (
@@ -153,30 +152,6 @@ class Actuator:
         steps = {WEIGHT: np.ones(len(table)), **dict(zip(self.histories, table.T, strict=True))}
         model = self.model(gravity)
         return Bending(solve(model, steps, constants, guess=guess, newton=newton), table)
-
-    def follow(
-        self,
-        gravity: Sequence[float] | FloatArray,
-        pressures: FloatArray,
-        *,
-        first: float,
-        steps: int = 200,
-        longest: float = 4.0,
-        constants: FloatArray | None = None,
-    ) -> tuple["Bending", ArcPath]:
-        """Equilibria past limit points under increasing pressures [Pa] of shape [n], equal in all cavities.
-
-        Returns: the equilibria that a pressure rising from 0 reaches, and the whole path between them. Raises
-        ValueError with the reason if the path ends before the last pressure.
-        """
-        path = follow(
-            self.model(gravity), self.histories, until=float(pressures[-1]), first=first,
-            others={WEIGHT: 1.0}, parameters=constants, steps=steps, longest=longest,
-        )  # fmt: skip
-        turned = ", where the pressure has a limit point" if path.limits.size else ""
-        path.outcome.require(f"the path rises to {1e-5 * float(path.load.max()):.3g} bar{turned}")
-        found = self.simulate(gravity, pressures, constants=constants, guess=path.crossings(pressures))
-        return found, path
 
 
 @dataclass(frozen=True)

@@ -116,43 +116,6 @@ class ContactSection(Section):
     depth: f.Length | None = None
 
 
-class PathSection(Section):
-    """[path]: the equilibria are followed by arc length, past limit points of the pressure."""
-
-    first: Pressure
-    steps: Annotated[int, Field(ge=1, le=5000)] = 200
-    longest: Annotated[float, Field(ge=1.0, le=1000.0)] = 4.0
-
-    @model_validator(mode="after")
-    def _begins(self) -> "PathSection":
-        if not self.first > 0.0:
-            raise f.problem("must be > 0", key="first", cure='write the pressure of a small step, "0.02 bar"')
-        return self
-
-
-class PronySection(Section):
-    """One term of [motion] prony: instantaneous over long-term stress, minus 1, and its relaxation time."""
-
-    share: Annotated[float, Field(gt=0.0, le=100.0)]
-    time: f.PositiveTime
-
-
-class MotionSection(Section):
-    """[motion]: the rise of the pressure in time, with inertia and damping."""
-
-    ramp: f.PositiveTime
-    hold: f.PositiveTime
-    step: f.PositiveTime
-    scheme: Literal["backward_euler", "trapezoidal"] = "backward_euler"
-    prony: list[PronySection] = Field(default_factory=list)
-
-    @model_validator(mode="after")
-    def _several(self) -> "MotionSection":
-        if not 4.0 <= (self.ramp + self.hold) / self.step <= 10_000.0:
-            raise f.problem("makes too few or too many steps", key="step", allowed="4 to 10 000 steps in all")
-        return self
-
-
 class InvertSection(Section):
     """[invert]: the target bend, and the largest pressure."""
 
@@ -206,8 +169,6 @@ class ActuatorFile(Section):
     plane: dict[str, PlaneSection] = Field(default_factory=dict)
     blocked: BlockedSection | None = None
     contact: ContactSection | None = None
-    path: PathSection | None = None
-    motion: MotionSection | None = None
     invert: InvertSection | None = None
     control: ControlSection | None = None
     markers: MarkersSection | None = None
@@ -215,18 +176,13 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        low, path = min(self.pressures), self.path is not None
-        both = low < 0.0 < max(self.pressures)
-        falling, on_a_plane = any(b <= a for a, b in pairwise(sizes)), bool(self.plane)
+        both = min(self.pressures) < 0.0 < max(self.pressures)
+        falling = any(b <= a for a, b in pairwise(sizes))
         blocked = self.blocked is not None and self.invert is not None
-        moved = self.motion is not None and on_a_plane
         f.reject(
             (falling, "pressures", "do not rise", "list them from small to large, as suction too"),
             (both, "pressures", "are of both signs", "simulate pressure and suction from two files"),
-            (path and low < 0.0, "path", "follows pressures above 0", "remove it for suction"),
-            (path and on_a_plane, "path", "is not followed against a plane", "remove [path] or [plane]"),
             (blocked, "invert", "has no effect on a blocked actuator", "remove one of them"),
-            (moved, "motion", "is not simulated against a plane", "remove [motion] or [plane]"),
             (not self.gravity, "gravity", "is empty", "write e.g. downward = [0.0, 0.0, -9.81]"),
         )
         return self

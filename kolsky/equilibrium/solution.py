@@ -40,11 +40,6 @@ class Outcome(NamedOutcome):
         "a contact did not close within its tolerance",
         "raise the penalty or the tolerance of the contact, or take smaller steps",
     )
-    UNFINISHED = (
-        6,
-        "the path did not reach its last load within its steps",
-        "allow more or longer steps, or end at a load that the body can carry",
-    )
 
 
 @dataclass(frozen=True)

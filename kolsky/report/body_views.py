@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion
+from kolsky.bodies.actuator_bending import Direction, Inversion
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 from kolsky.bodies.sheet import mass_matrix
@@ -187,8 +187,6 @@ class ActuatorView:
     """Measured and simulated markers."""
     stiffness: StiffnessFit | None = None
     """Factor of all moduli, fitted to the markers."""
-    motions: Sequence[BendInTime] = ()
-    """Bends over time."""
     inversions: Mapping[str, Sequence[Inversion]] = field(default_factory=dict)
     """Searches for a pressure, by direction of gravity."""
     closed: Mapping[str, Closed] = field(default_factory=dict)

@@ -78,7 +78,7 @@ PLACES: dict[str, tuple[str, ...]] = {
         "kolsky.report.body_views.SheetView",
         "bodies: sheet_map sheet_histories sheet_steps sheet_fields",
     ),
-    "ACTUATORS": ("kolsky.report.body_views.ActuatorView", "bodies: shapes bend motion markers loop"),
+    "ACTUATORS": ("kolsky.report.body_views.ActuatorView", "bodies: shapes bend markers loop"),
 }
 """For each registry the class of the results in its figures, and files with their figures in the order of its
 page. A file is loaded when one of its registries is needed, because a command makes one page."""

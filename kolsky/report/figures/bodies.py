@@ -8,7 +8,6 @@ from matplotlib.collections import PolyCollection
 from matplotlib.tri import Triangulation
 
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.bodies.actuator_bending import path_angle
 from kolsky.bodies.actuator_model import Bending
 from kolsky.report.body_views import BINS, ActuatorView, SheetView, SpecimenView, outer_faces, side_view
 from kolsky.report.figures.base import (
@@ -368,22 +367,14 @@ def bend(view: ActuatorView, panels: Panels) -> str:
     for colour, one in zip(STATE_COLOURS, view.directions, strict=False):
         run, name = one.pristine, label_text(one.name, 20)
         bar = BAR * run.pressures.max(axis=1)
-        line = "-" if one.path is None else "."  # a line would join both sides of a snap
-        ax.plot(bar, np.degrees(run.angle), line, color=colour, lw=1.0, ms=3, label=name)
+        ax.plot(bar, np.degrees(run.angle), "-", color=colour, lw=1.0, ms=3, label=name)
         ax.plot(bar[one.asked], np.degrees(run.angle[one.asked]), "o", color=colour, ms=4)
-        if one.path is not None:
-            ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
-            line = "--" if one.path is None else "+"
-            ax.plot(bar, np.degrees(one.healed.angle), line, color=colour, lw=1.0, label=f"{name}, healed")
+            ax.plot(bar, np.degrees(one.healed.angle), "--", color=colour, lw=1.0, label=f"{name}, healed")
     ax.set(xlabel="pressure (bar)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
     healed = any(one.healed is not None for one in view.directions)
     text = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
-    if any(one.path is not None for one in view.directions):
-        text += (
-            " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
-        )
     return text + (" Dashed: with the constants of the healed material." if healed else "")
 
 
@@ -408,20 +399,6 @@ def markers(view: ActuatorView, panels: Panels) -> str:
         ax.set_title(label_text(name, 24), fontsize="medium")
         ax.set(xlabel="$x$ (mm)", ylabel="$z$ (mm)")
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
-
-
-@figure(PAGE, 70.0, [["motion"]], applies=lambda view: bool(view.motions))
-def motion(view: ActuatorView, panels: Panels) -> str:
-    ax = panels["motion"]
-    for colour, one in zip(STATE_COLOURS, view.motions, strict=False):
-        ax.plot(one.time, np.degrees(one.angle), "-", color=colour, lw=1.0, label=label_text(one.name, 20))
-    ax.set(xlabel="time (s)", ylabel="bending angle (°)")
-    ax.legend(frameon=False, fontsize="small")
-    one = view.motions[0]
-    return (
-        f"Bending angle over time: the pressure rises to {BAR * float(one.pressure[-1]):.3g} bar and is "
-        "held, with inertia and the declared damping."
-    )
 
 
 @figure(

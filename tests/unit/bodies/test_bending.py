@@ -94,17 +94,6 @@ def test_two_chambers_by_bounded_least_squares() -> None:
     assert capped.pressures.max() <= 30e3
 
 
-def test_a_path_meets_the_same_equilibria() -> None:
-    pressures = np.array([0.0, 20e3, 40e3])
-    found, path = SMALL.follow(DOWN, pressures, first=15e3)
-    assert found.angle == pytest.approx(SMALL.simulate(DOWN, pressures).angle, rel=1e-6)
-    assert path.load[0] == 0.0
-    assert path.load[-1] >= 40e3
-    assert path.limits.size == 0
-    with pytest.raises(ValueError, match="rises to"):
-        SMALL.follow(DOWN, np.array([40e3]), first=1e3, steps=2)
-
-
 def test_chambers_that_touch() -> None:
     free = actuator(wall=1.2e-3, gap=0.3e-3, cell=4e-3, inlet=2e-3)
     contact = SelfContact("gap_1_left", "gap_1_right")

@@ -21,8 +21,6 @@ from kolsky.bodies.errors_in_variables import (
     search,
 )
 from kolsky.bodies.specimen_fit import ConstantVerdict, intervals
-from kolsky.equilibrium.arc_length import ArcPath
-from kolsky.equilibrium.solution import Outcome
 from kolsky.material.fits.fit import inflation, neighbour_correlation
 
 FREE = (np.array([0.0, 0.0]), np.array([np.inf, np.inf]))
@@ -239,14 +237,6 @@ def test_contact_allows_facing_points_a_tenth_of_the_gap() -> None:
     assert one.overlapping.tolist() == [False, False, True, True]
     touching = Touching(np.zeros(4), np.zeros(4))
     assert replace(one, touching=touching).overlapping.tolist() == [False, False, False, True]
-
-
-def test_a_limit_point_is_warned_of() -> None:
-    arc = np.array([0.0, 1.0, 2.0])
-    model, moved = _moved(0.0).solution.model, np.zeros((3, 1, 3))
-    path = ArcPath(model, 5e4 * arc * (2.0 - arc), moved, arc, Outcome.UNFINISHED)  # 5e4 at 1
-    one = Direction("down", _moved(0.0), None, np.array([0]), np.zeros(3), path)  # type: ignore[arg-type]
-    assert "limit point at 0.5 bar" in warnings_of([one])[0]
 
 
 def test_effect_of_healing_is_that_on_the_bend_from_rest() -> None:

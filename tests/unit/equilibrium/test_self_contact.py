@@ -7,7 +7,6 @@ import pytest
 
 from explicit.arrays import FloatArray
 from explicit.materials import LAWS
-from kolsky.equilibrium.dynamics import Scheme, march
 from kolsky.equilibrium.meshes import Mesh, box, grid, rectangle
 from kolsky.equilibrium.model import Condition, Fixed, Model, Prescribed, RigidSurface, SelfContact
 from kolsky.equilibrium.sensitivity import direct
@@ -176,17 +175,6 @@ def test_derivatives_of_a_solution_in_contact() -> None:
     assert -found.reaction("upper_top")[0, 0, 1] == pytest.approx(
         (moved[1] - moved[0]) / (0.002 * MU), rel=1e-4
     )
-
-
-@pytest.mark.parametrize("scheme", ["backward_euler", "trapezoidal"])
-def test_a_motion_in_contact(scheme: Scheme) -> None:
-    model = pressed("quad9", gap=0.05, other=(2, 1))
-    rest = solve(model, {"press": [-0.12]})
-    # so slow that inertia is nothing: both schemes pass equilibria
-    run = march(model, {"press": -0.03 * np.arange(1, 5)}, 1.0, density=1e-3, scheme=scheme)
-    assert run.outcome.ok
-    assert rest.reaction("bottom")[0, 1] > 1e4
-    assert run.reaction("bottom")[-1, 1] == pytest.approx(rest.reaction("bottom")[0, 1], rel=1e-6)
 
 
 def test_contact_is_in_the_factors() -> None:
