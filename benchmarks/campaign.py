@@ -1,7 +1,7 @@
 """Parallel identifications of a campaign: `python -m benchmarks.campaign --workers 1 2 --json FILE`.
 
 A pool of processes of this machine identifies the shot `runs/open-01` with the seeds 1, 2, ... of its random
-draws. With `--dask ADDRESS` the workers of a Dask scheduler do so instead. `--each` gives the number of
+draws. `--each` gives the number of
 identifications per worker (weak scaling). `--total` gives the number that all workers share. Before the
 measurement each worker identifies the shot once, to compile kernels and load libraries. An answer must depend
 on its seed only; the table shows whether the answers are bitwise equal. The file stores finished numbers of
@@ -15,9 +15,7 @@ import argparse
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -79,37 +77,16 @@ def identified(question: Question) -> Answer:
     return Answer(found.estimates["stiffness_factor"].value.hex(), f"{os.uname().nodename} {os.getpid()}")
 
 
-Submit = Callable[..., "Future[Any]"]
-Together = Callable[[Sequence["Future[Any]"]], list[Any]]
-
-
-@contextmanager
-def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]]:
-    """Functions that submit work to a pool of processes or to a scheduler's workers, and that wait for
-    results."""
-    if dask is None:
-        with process_pool(count) as pool:
-            yield pool.submit, lambda futures: [future.result() for future in futures]
-        return
-    from kolsky.cli.sweep import dask_client
-
-    with dask_client(dask) as scheduler:
-        yield (
-            lambda work, question: scheduler.submit(work, question, pure=False),
-            lambda futures: scheduler.gather(list(futures)),
-        )
-
-
-def campaign(questions: Sequence[Question], workers: int, dask: str | None = None) -> dict[str, Any]:
+def campaign(questions: Sequence[Question], workers: int) -> dict[str, Any]:
     """Run all identifications with a number of workers, after a first identification by each worker;
     RuntimeError if fewer workers took part."""
-    with workers_of(workers, dask) as (submit, together):
+    with process_pool(workers) as pool:
         first = replace(questions[0], seed=WARM_UP)
         started = time.perf_counter()
-        warm = together([submit(identified, first) for _ in range(workers)])
+        warm = list(pool.map(identified, [first] * workers))
         ready = time.perf_counter() - started
         started = time.perf_counter()
-        answers = together([submit(identified, question) for question in questions])
+        answers = list(pool.map(identified, questions))
         seconds = time.perf_counter() - started
     there = {one.process for one in answers}
     if len(there) > workers or (len(there) < workers and len(questions) >= 4 * workers):
@@ -169,7 +146,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     share.add_argument("--total", type=int, help="identifications of all workers together")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--gpus", type=int, default=0, help="show the processes so many GPUs; default all")
-    parser.add_argument("--dask", metavar="ADDRESS", help="workers of this scheduler, or its scheduler file")
     parser.add_argument("--hold", nargs="*", default=["poisson", "damping"])
     parser.add_argument("--mesh", default="24x32")
     parser.add_argument("--refined", default="64x86")
@@ -188,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not o.again and any([old[key] for key in SAME] == [known[key] for key in SAME] for old in entries):
             continue
         questions = [Question(seed, o.device, tuple(o.hold), mesh, refined) for seed in range(1, count + 1)]
-        entries = merged(entries, {**known, **campaign(questions, workers, o.dask)})
+        entries = merged(entries, {**known, **campaign(questions, workers)})
         o.json.write_text(json.dumps(entries, indent=1) + "\n", "utf-8")
         print(f"{workers} workers: done", flush=True)
     print(table(entries))

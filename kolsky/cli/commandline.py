@@ -92,7 +92,6 @@ BROUGHT_BY = {
     "imageio_ffmpeg": "kolsky[film]",
     "nicegui": "kolsky[app]",
     "emcee": "kolsky[bayes]",
-    "distributed": "kolsky[cluster]",
     "pyamg": "kolsky[amg]",
 }
 """Name for pip of the distribution, or the extra of this package, that provides a module."""

@@ -48,7 +48,6 @@ REQUIRED = (
 """Distributions that are installed with this package, by pip and by conda."""
 OPTIONAL = {
     "RigolWFM": ("RigolWFM", "binary files of oscilloscopes"),
-    "distributed": ("kolsky[cluster]", "sweeps over many hosts"),
     "emcee": ("kolsky[bayes]", "posterior by Markov chains"),
     "imageio-ffmpeg": ("kolsky[film]", "films of the deforming specimen"),
 }

@@ -1,11 +1,10 @@
 """`kolsky identify` and `demo`: one shot, several together, or one by one in processes or by Dask."""
 
 import shutil
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, as_completed
 from dataclasses import dataclass, replace
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -232,19 +231,15 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
         replace(pattern, shot=shot, out=out)
         for shot, out in zip(shots, _result_folders(shots, pattern.out), strict=True)
     ]
-    if workers.dask or workers.processes is not None:
-        # Workers of a scheduler share their machines. The default is one thread for each.
+    if workers.executor is None:
+        answers = [_run_or_error(job, processes=2) for job in jobs]
+    else:
         numerics = pattern.settings.numerics
-        threads = workers.threads(numerics.threads or (1 if workers.dask else None))
-        settings = replace(pattern.settings, numerics=replace(numerics, threads=threads))
+        numerics = replace(numerics, threads=workers.threads(numerics.threads))
+        settings = replace(pattern.settings, numerics=numerics)
         jobs = [replace(job, settings=settings) for job in jobs]
-    answers: list[_Answer] = []
-    with workers.executor() as executor:
-        if executor is None:
-            answers = [_run_or_error(job, processes=2) for job in jobs]
-        else:
-            with progress_bars() as progress:
-                answers = run_jobs(executor, jobs, lambda done: progress("shots", done, len(jobs)))
+        with progress_bars() as progress:
+            answers = run_jobs(workers.executor, jobs, lambda done: progress("shots", done, len(jobs)))
     printouts = [one for one in answers if isinstance(one, Printout)]
     print_result(
         {"shots identified": f"{len(printouts)} of {len(shots)}"},
@@ -273,19 +268,12 @@ def run_jobs(
             for future in as_completed(futures):
                 answers[futures[future]] = future.result()
                 report(len(answers))
-    except _lost_worker_errors() as error:
+    except (BrokenExecutor, CancelledError) as error:
         raise texts.refusal(
             f"a worker failed after {len(answers)} of {len(jobs)} shots were identified ({error})",
             cure="take fewer workers or more memory; the results of the identified shots are complete",
         ) from error
     return [answers[i] for i in range(len(jobs))]
-
-
-def _lost_worker_errors() -> tuple[type[BaseException], ...]:
-    """The errors of a dead worker, of this machine or, if it is used, of Dask."""
-    if "distributed" not in sys.modules:
-        return BrokenExecutor, CancelledError
-    return BrokenExecutor, CancelledError, import_module("distributed").scheduler.KilledWorker
 
 
 def _in_worker(job: SingleShotJob) -> _Answer:
@@ -391,7 +379,7 @@ def identify(
     Several shots of one material, with slow tests if given, are identified together: shared parameters,
     clock and gain of each shot, scatter between shots. The results are joint.json, joint.html, tables and the
     ledger joint.sqlite in the folder joint; the same command continues an interrupted run. With
-    --each they are identified one by one, in parallel with --processes or --dask.
+    --each they are identified one by one, in parallel with --processes.
     """
     values, names = texts.holds("--hold", hold)
     texts.apart("--free", settings.free or {}, "--hold", [*values, *names])

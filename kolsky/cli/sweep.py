@@ -1,13 +1,10 @@
 """`kolsky sweep` and `budget`: many simulations of one shot, stored in ledgers; their designs and workers."""
 
-import asyncio
-import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,6 +22,7 @@ if TYPE_CHECKING:
     from doe import Box, Design
     from doe.box import Constraint
     from doe.designs import DesignKind
+    from doe.ledger import ExecutorFactory
     from kolsky.base.apparatus import Interface
 
 
@@ -62,7 +60,7 @@ def sweep(
 
     cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
     usable_ledger = texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
-    with usable(loaded), usable_ledger, workers.executor() as executor, sweep_progress() as progress:
+    with usable(loaded), usable_ledger, sweep_progress() as progress:
         result = sweeping.sweep(
             loaded,
             part,
@@ -71,7 +69,7 @@ def sweep(
             ledger=place,
             merge=records.merge,
             retry=records.retry,
-            executor=executor,
+            executor=workers.executor,
             progress=progress,
         )
     warnings = [
@@ -296,95 +294,17 @@ class Workers:
     processes: Annotated[
         int | None, Option("Number of parallel processes.", min=1, show_default="none", panel=ADVANCED)
     ] = None
-    dask: Annotated[
-        str,
-        Option("Dask scheduler to use: its address or scheduler file.", metavar="ADDRESS", panel=ADVANCED),
-    ] = ""
 
-    @contextmanager
-    def executor(self) -> Iterator[Any]:
-        """The maker of the executor (`doe.ledger.ExecutorFactory`). None if this process does the work."""
-        if self.dask and self.processes is not None:
-            raise texts.refusal("--dask and --processes exclude each other", cure="choose one")
-        if self.dask:
-            with dask_client(self.dask) as cluster:
-                yield cluster.get_executor
-        elif self.processes is not None:
-            yield partial(process_pool, self.processes)
-        else:
-            yield None
+    @property
+    def executor(self) -> "ExecutorFactory | None":
+        """The maker of the executor. None if this process does the work."""
+        return None if self.processes is None else partial(process_pool, self.processes)
 
     def threads(self, given: int | None) -> int | None:
         """Threads of each worker: the given number, or the cores divided among the processes."""
         if given is not None or self.processes is None:
             return given
         return max(1, cores() // self.processes)
-
-
-SCHEDULER_FILE = 1_000_000
-"""Largest scheduler file that is read [bytes]."""
-SCHEDULER_PATIENCE = 5.0
-"""Time within which a Dask scheduler must answer [s]."""
-_SCHEDULER_START = "start one with `dask scheduler` and give its address or its scheduler file"
-
-
-def dask_client(place: str) -> Any:
-    """A client of the scheduler at an address or in a scheduler file. The caller closes it."""
-    try:
-        from distributed import Client
-    except ImportError:
-        cure = "pip install 'kolsky[cluster]'"
-        raise texts.refusal("--dask needs the package distributed", cure=cure) from None
-    address = _address_in_file(Path(place)) if _is_scheduler_file(place) else place
-    try:
-        # If a program accepts connections but never answers, its client would wait forever.
-        kind = asyncio.run(asyncio.wait_for(_kind(address), SCHEDULER_PATIENCE))
-        if kind != "Scheduler":
-            raise ValueError(f"a {kind} is there")
-        return Client(address, timeout=SCHEDULER_PATIENCE, set_as_default=False)
-    except Exception as error:  # of the network, or whatever the answer of another program leads to
-        reason = " ".join(str(error).split()) or f"nothing within {SCHEDULER_PATIENCE:g} s"
-        problem = f"--dask {place}: no scheduler answers ({reason})"
-        raise texts.refusal(problem, cure=_SCHEDULER_START) from error
-
-
-async def _kind(address: str) -> str:
-    """Kind of the Dask process at an address: "Scheduler", "Worker"."""
-    from distributed import Security
-    from distributed.comm import connect
-
-    comm = await connect(address, timeout=SCHEDULER_PATIENCE, **Security().get_connection_args("client"))
-    try:
-        await comm.write({"op": "identity", "reply": True})
-        answer = await comm.read()
-    finally:
-        comm.abort()
-    return str(answer["type"])
-
-
-def _address_in_file(path: Path) -> str:
-    """The address in a scheduler file."""
-    cure = "give the file that `dask scheduler --scheduler-file` writes"
-    if path.stat().st_size > SCHEDULER_FILE:
-        raise InputError(
-            path,
-            f"has {path.stat().st_size} bytes",
-            allowed=f"a scheduler file, of at most {SCHEDULER_FILE} bytes",
-            cure=cure,
-        )
-    try:
-        return str(json.loads(path.read_text("utf-8"))["address"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        problem = f"is not a scheduler file ({type(error).__name__}: {error})"
-        raise InputError(path, problem, allowed="JSON with an address", cure=cure) from error
-
-
-def _is_scheduler_file(text: str) -> bool:
-    """True if a text names a file. An address may be longer than any file name."""
-    try:
-        return Path(text).is_file()
-    except (OSError, ValueError):
-        return False
 
 
 _SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), replicates=0)
@@ -463,7 +383,7 @@ def budget(
     cure = "correct the specification, or take more draws"
     with refused(test, cure=cure, errors=(ValueError, LedgerError)):
         factors = factors_of({key: texts.plain_or_text(value) for key, value in sizes.items()})
-        with workers.executor() as executor, sweep_progress() as progress:
+        with sweep_progress() as progress:
             budgeted = budgets.budget(
                 quantities,
                 factors,
@@ -473,7 +393,7 @@ def budget(
                 together=together,
                 ledger=folder / "budget.sqlite",
                 retry=retry,
-                executor=executor,
+                executor=workers.executor,
                 progress=progress,
             )
     campaign, unplanned = None, ""

@@ -14,7 +14,6 @@ _FIELDS = f"{_UNIT}/readers/test_long_fields.py"
 _LEDGER = f"{_UNIT}/doe/test_doe_ledger.py"
 _FILES = f"{_UNIT}/base/test_files.py"
 _SYSTEM = f"{_UNIT}/cli/test_system_refusals.py"
-_DASK = f"{_UNIT}/cli/test_scheduler.py"
 CORPUS = "corpus"  # place of what is tried in every file that it can stand in, by `python -m tests.fuzz`
 
 
@@ -84,8 +83,6 @@ ENDLESS = (
           _trap("160 GB of zeros")),
     Named("a result file of zeros", "refused", _trap("an identification of zeros", "surfaces of zeros")),
     Named("a sparse file of 20 GB in place of any file", "refused", _trap("20 GB of nothing")),
-    Named("`--dask` with an address where nobody listens", "refused within seconds",
-          (f"{_DASK}::test_a_port_where_nobody_listens", f"{_DASK}::test_a_port_where_no_scheduler_answers")),
 )  # fmt: skip
 """Once a hang or a flood."""
 TRACEBACKS = (
@@ -98,8 +95,6 @@ TRACEBACKS = (
     Named("forces of 1e308", "refused", (f"{_LIMITS}::test_no_sample_is_larger_than_anything_measured",)),
     Named("YAML and JSON nested 100 000 deep", "refused",
           (f"{_UNIT}/dic/test_dic_camera_files.py::test_deep_nesting_is_refused",)),
-    Named("`--dask` with a file that is none", "refused",
-          (f"{_DASK}::test_a_file_that_is_no_scheduler_file",)),
     Named("a wave speed of 1e300 m/s", "refused with its line",
           (f"{_INPUTS}::test_a_wave_speed_of_1e300_is_refused",
            f"{_UNIT}/base/test_units.py::test_sizes_that_nothing_measured_has")),

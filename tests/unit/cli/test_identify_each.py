@@ -8,11 +8,9 @@ from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Event
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from dask_processes import dask_processes
 from kolsky_command import run_kolsky
 from shot_folders import shot_in
 
@@ -61,25 +59,6 @@ def test_shots_are_answered_in_their_order_and_a_bad_one_stops_no_other(
 
 
 @pytest.mark.usefixtures("stubbed")
-def test_the_workers_of_a_cluster_take_the_shots(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    monkeypatch.setattr("kolsky.cli.sweep.SCHEDULER_PATIENCE", 30.0)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
-    ) as some:
-        ask = partial(identify_each, workers=Workers(dask=some.scheduler_address))
-        ask(paths("b", "a"), SingleShotJob(Path(), Settings(), out=tmp_path))
-        said = capsys.readouterr().out.splitlines()
-        assert [line.split()[0] for line in said[:2]] == ["b:", "a:"]
-        assert said[2].split() == ["shots", "identified", "2", "of", "2"]
-        with pytest.raises(InputErrors):
-            ask(paths("bad", "a"), ALIKE)
-        assert "shots identified  1 of 2" in capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("stubbed")
 def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
     tasks = [SingleShotJob(Path(name), Settings(numerics=Numerics(threads=3))) for name in "ab"]
     done: list[int] = []
@@ -89,11 +68,10 @@ def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("processes", "dask", "given", "threads"),
-    [(None, "", None, None), (2, "", 3, 3), (None, "here", None, 1), (None, "here", 4, 4)],
+    ("processes", "given", "threads"), [(None, None, None), (None, 3, 3), (2, 3, 3), (10_000, None, 1)]
 )
 def test_threads_of_a_worker(
-    monkeypatch: pytest.MonkeyPatch, processes: int | None, dask: str, given: int | None, threads: int | None
+    monkeypatch: pytest.MonkeyPatch, processes: int | None, given: int | None, threads: int | None
 ) -> None:
     seen: list[SingleShotJob] = []
 
@@ -101,45 +79,29 @@ def test_threads_of_a_worker(
         seen.extend(tasks)
         return [made_up(task, processes=1) for task in tasks]
 
-    class Client:
-        def __enter__(self) -> Any:
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-        get_executor = ThreadPoolExecutor
-
     monkeypatch.setattr(module, "run_jobs", tell)
     monkeypatch.setattr(
         module, "_run_or_error", lambda task, processes: seen.append(task) or made_up(task, processes=2)
     )
-    monkeypatch.setattr("kolsky.cli.sweep.dask_client", lambda named: Client())
     alike = SingleShotJob(Path(), Settings(numerics=Numerics(threads=given)))
-    identify_each(paths("a"), alike, Workers(processes, dask))
+    identify_each(paths("a"), alike, Workers(processes))
     assert [task.settings.numerics.threads for task in seen] == [threads]
 
 
-def killed() -> Exception:
-    """What Dask raises where its workers die over a shot."""
-    distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    return distributed.scheduler.KilledWorker("a shot", SimpleNamespace(address="tcp://a"), 3)  # type: ignore[no-any-return]
-
-
-@pytest.mark.parametrize("why", [lambda: BrokenExecutor("it was killed"), killed])
-def test_a_lost_worker_is_said_with_what_is_done(why: Callable[[], Exception]) -> None:
+def test_a_lost_worker_is_said_with_what_is_done() -> None:
     kept = Event()
 
     class Dies(ThreadPoolExecutor):
         def submit(self, work: Callable[..., Any], /, *given: Any, **more: Any) -> "Future[Any]":
             future: Future[Any] = Future()
             if kept.is_set():
-                future.set_exception(why())
+                future.set_exception(BrokenExecutor("it was killed"))
             else:
                 future.set_result(InputError("a", "is odd", cure="mend it"))
                 kept.set()
             return future
 
-    with pytest.raises(InputError, match=r"after [01] of 2 shots were identified \(.*(kill|died)"):
+    with pytest.raises(InputError, match=r"after [01] of 2 shots were identified \(.*kill"):
         run_jobs(Dies, [ALIKE, ALIKE], lambda done: None)
 
 
@@ -155,10 +117,9 @@ def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
 
 
 def test_workers_of_a_single_identification_are_refused(tmp_path: Path) -> None:
-    for words in (["--dask", "x"], ["--processes", "2"]):
-        for shots in (["a"], ["a", "b"]):
-            result = run_kolsky("identify", *shots, *words, code=2)
-            assert "give --each" in result.output
+    for shots in (["a"], ["a", "b"]):
+        result = run_kolsky("identify", *shots, "--processes", "2", code=2)
+        assert "give --each" in result.output
 
 
 def test_a_refusal_comes_back_from_a_worker_as_it_was() -> None:
@@ -170,9 +131,7 @@ def test_a_refusal_comes_back_from_a_worker_as_it_was() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("default")  # Dask's own
-def test_processes_and_dask_give_the_bits_of_one_process(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="needs the extra [cluster]")
+def test_processes_give_the_bits_of_one_process(tmp_path: Path) -> None:
     longer = ('length = "6.5 mm"', 'length = "6.52 mm"')
     shots = [shot_in(tmp_path / "a"), shot_in(tmp_path / "b", longer)]
     words = ["identify", *map(str, [*shots, tmp_path / "none"]), "--each", "--json", "--mesh", "8x11"]
@@ -191,5 +150,3 @@ def test_processes_and_dask_give_the_bits_of_one_process(tmp_path: Path) -> None
     alone = answers()
     assert alone[0] != alone[1]
     assert answers("--processes", "2") == alone
-    with dask_processes(tmp_path) as (file, _):
-        assert answers("--dask", file) == alone

@@ -13,7 +13,7 @@ from shot_folders import TINY
 from doe.box import Constraint
 from kolsky.base.apparatus import Interface
 from kolsky.base.errors import InputError
-from kolsky.cli.sweep import DesignChoice, Workers
+from kolsky.cli.sweep import DesignChoice
 
 NAMES = ("friction", "stiffness_factor")
 POINTS = np.array([[0.0, 1.0], [1.0, 1.0], [2.0, 0.5], [0.5, 2.0]])
@@ -115,19 +115,6 @@ def test_logarithmic_levels_have_equal_ratios() -> None:
 def test_choices_that_cannot_be(choice: DesignChoice, words: str) -> None:
     with pytest.raises(InputError, match=words):
         choice.design()
-
-
-def test_one_kind_of_workers() -> None:
-    with pytest.raises(InputError, match="exclude each other"), Workers(2, "tcp://x").executor():
-        pass
-    with Workers().executor() as none:
-        assert none is None
-
-
-def test_a_scheduler_that_does_not_answer() -> None:
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match="no scheduler answers"), Workers(dask="no-such-thing").executor():
-        pass
 
 
 def rows(folder: Path) -> list[list[str]]:

@@ -1,22 +1,18 @@
 """Box: scaling compared with values by hand, round trips, and error messages."""
 
-import signal
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import ledger_sweep
 import numpy as np
 import pytest
-from dask_processes import dask_processes
 from hypothesis import given
 from hypothesis import strategies as st
 
 from doe import Box
-from doe.ledger import Ledger, Pace, Run, run_chunks
+from doe.ledger import Ledger, Run, run_chunks
 
 BOX = Box(("stiffness_factor", "damping"), (0.75, 1e-6), (1.25, 1e-2), (False, True))
 
@@ -128,11 +124,6 @@ def test_bad_points_are_refused() -> None:
 POINTS = ledger_sweep.POINTS[:400]
 
 
-def slow(points: np.ndarray) -> list[Run]:
-    time.sleep(0.02)
-    return ledger_sweep.oscillator(points)
-
-
 def processes(workers: int = 2) -> ProcessPoolExecutor:
     # Not forked: this process has threads, and what they hold would be held in the child for ever.
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
@@ -167,29 +158,3 @@ def test_a_process_that_dies_has_its_chunk_run_again(tmp_path: Path) -> None:
 def test_workers_that_always_die_end_the_sweep() -> None:
     with pytest.raises(RuntimeError, match="workers died 2 times in a row with no chunk finished"):
         run_chunks(ledger_sweep.hopeless, POINTS[:4], chunk=2, executor=partial(processes, 1), attempts=2)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("default")  # Dask's own, of sockets that a killed worker left open
-def test_a_dask_worker_killed_in_the_middle_changes_no_bit(tmp_path: Path) -> None:
-    distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    with (
-        dask_processes(tmp_path, Path(__file__).parent) as (file, workers),
-        distributed.Client(scheduler_file=file) as client,
-    ):
-        client.wait_for_workers(2, timeout=60)
-        killed: list[int] = []
-
-        def kill_one(pace: Pace) -> None:
-            if pace.finished >= 100 and not killed:
-                killed.append(pace.finished)
-                workers[0].send_signal(signal.SIGKILL)
-
-        with Ledger(tmp_path / "l.sqlite", ledger_sweep.MODEL) as book:
-            runs = run_chunks(
-                slow, POINTS, chunk=10, ledger=book, executor=client.get_executor, progress=kill_one
-            )
-            assert len(book) == 400
-        assert 100 <= killed[0] < 400
-        assert workers[0].wait(10) == -signal.SIGKILL
-        assert_same_bits(runs)

@@ -65,11 +65,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return Answer(float(question.seed).hex(), f"here {len(seeds) % 2}")
 
     @contextmanager
-    def workers(count: int, dask: str | None) -> Iterator[Any]:
-        yield (lambda work, question: work(question)), list
+    def workers(count: int) -> Iterator[Any]:
+        yield SimpleNamespace(map=map)
 
     monkeypatch.setattr(campaign, "identified", answered)
-    monkeypatch.setattr(campaign, "workers_of", workers)
+    monkeypatch.setattr(campaign, "process_pool", workers)
     return seeds
 
 
