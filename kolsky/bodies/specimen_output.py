@@ -10,7 +10,6 @@ from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import Expected, SpecimenFit, cross_table
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
 
@@ -212,10 +211,8 @@ def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, An
     return {key: jsonable(value, key) for key, value in whole.items()}
 
 
-def field_tables(
-    found: FieldFit, steps: Sequence[FieldFit | str], stiffness: StiffnessMap | None
-) -> dict[str, dict[str, Any]]:
-    """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone; its map."""
+def field_tables(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, dict[str, Any]]:
+    """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone."""
     data = found.problem.data
     columns: dict[str, Any] = {
         "pad (m)": data.pad,
@@ -231,15 +228,4 @@ def field_tables(
             columns[f"{name} of the step alone (SI)"] = alone
         columns[f"relative sigma of {name} per displacement noise (1/m)"] = by_u[:, j]
         columns[f"relative sigma of {name} per force noise (1/N)"] = by_f[:, j]
-    tables = {"steps": columns}
-    if stiffness is not None:
-        mesh = found.problem.sheet.mesh
-        middle = mesh.points[mesh.cells].mean(axis=1)
-        blocks = range(len(stiffness.factors))
-        places = np.array([middle[stiffness.regions == r].mean(axis=0) for r in blocks])
-        tables["map"] = {
-            "x (m)": places[:, 0],
-            "y (m)": places[:, 1],
-            "stiffness over the fitted one (1)": stiffness.factors,
-        }
-    return tables
+    return {"steps": columns}

@@ -425,7 +425,7 @@ def write_specimen_results(
         files |= output.files_of(view.fits, inputs)
         solutions, fields = view.solutions, {}
     else:
-        tables = output.field_tables(view.fit, view.steps, view.stiffness)
+        tables = output.field_tables(view.fit, view.steps)
         files["specimen.json"] = output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
         solutions, fields = {"sheet": view.fit.cost.state.solution}, view.fields
     for name, solution in solutions.items():

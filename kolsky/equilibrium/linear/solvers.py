@@ -1,18 +1,17 @@
 """Linear solvers by name.
 
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
-the usual choice. "superlu" is SciPy's. "amg" is the conjugate gradient method with an algebraic multigrid of
-smoothed aggregation (Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large
-for a factorisation in memory. Its near-null space is the rigid motions. `BridgedSolver` adds blocks between
-points of different elements (contact).
+the usual choice. "amg" is the conjugate gradient method with an algebraic multigrid of smoothed aggregation
+(Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large for a factorisation in
+memory. Its near-null space is the rigid motions. `BridgedSolver` adds blocks between points of different
+elements (contact).
 """
 
-from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import cg, gmres, splu
+from scipy.sparse.linalg import cg, gmres
 
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.linear.base import Factors, Pattern, SingularError
@@ -43,15 +42,9 @@ class _Multigrid:
         self._options = {"rtol": tolerance, "maxiter": ITERATIONS, "M": levels.aspreconditioner()}
 
     def solve(self, right: FloatArray) -> FloatArray:
-        return self._solve(self.matrix, right)
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        return self._solve(self.matrix if self.symmetric else self.matrix.T, right)
-
-    def _solve(self, matrix: csr_array, right: FloatArray) -> FloatArray:
         found = []
         for column in np.asarray(right, dtype=float).reshape(len(right), -1).T:
-            x, info = (cg if self.symmetric else gmres)(matrix, column, **self._options)
+            x, info = (cg if self.symmetric else gmres)(self.matrix, column, **self._options)
             if info != 0:
                 raise SingularError(
                     f"{ITERATIONS} iterations with multigrid did not reach {self._options['rtol']:g}"
@@ -107,41 +100,21 @@ class MultifrontalSolver:
         return Multifrontal(self.fronts, self.assembly, values, self.count, symmetric=symmetric)
 
 
-class SparseSolver:
-    """A solver of matrices in CSR."""
+class MultigridSolver:
+    """Solver that creates a hierarchy of grids for every matrix."""
 
-    def __init__(
-        self, pattern: Pattern, factorise: Callable[[csr_array, bool, bool], Factors], *, worth: int
-    ) -> None:
-        self.pattern, self._factorise, self.worth = pattern, factorise, worth
+    def __init__(self, pattern: Pattern, points: FloatArray) -> None:
+        self.pattern, self.worth = pattern, 1
+        self._rigid = _rigid_motions(pattern, points)
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `MultifrontalSolver.factors`."""
-        guiding = elements.dtype == np.float32
-        return self._factorise(self.pattern.matrix(_finite(elements)), symmetric, guiding)
+        tolerance = GUIDE if elements.dtype == np.float32 else TOLERANCE
+        matrix = self.pattern.matrix(_finite(elements))
+        return _Multigrid(matrix, self._rigid, symmetric=symmetric, tolerance=tolerance)
 
 
-class _SuperLU:
-    def __init__(self, matrix: csr_array, symmetric: bool, guiding: bool) -> None:
-        options = {"SymmetricMode": True} if symmetric else {}
-        try:
-            self._factors = splu(
-                matrix.tocsc(),
-                permc_spec="MMD_AT_PLUS_A" if symmetric else "COLAMD",
-                diag_pivot_thresh=0.0 if symmetric else 1.0,
-                options=options,
-            )
-        except RuntimeError as problem:
-            raise SingularError(str(problem)) from problem
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        return np.asarray(self._factors.solve(right))
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        return np.asarray(self._factors.solve(right, trans="T"))
-
-
-LinearSolver = MultifrontalSolver | SparseSolver
+LinearSolver = MultifrontalSolver | MultigridSolver
 """Factorises sums of element matrices of one mesh. `worth` solutions take about the time of one."""
 
 
@@ -152,16 +125,9 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
         if name == "multifrontal" or pattern.count <= MANY or direct.bytes <= LARGEST:
             return direct
         name = "amg"
-    if name == "superlu":
-        return SparseSolver(pattern, _SuperLU, worth=DIRECT)
     if name == "amg":
-        rigid = _rigid_motions(pattern, points)
-
-        def multigrid(matrix: csr_array, symmetric: bool, guiding: bool) -> Factors:
-            return _Multigrid(matrix, rigid, symmetric=symmetric, tolerance=GUIDE if guiding else TOLERANCE)
-
-        return SparseSolver(pattern, multigrid, worth=1)
-    raise ValueError(f"linear must be one of auto, multifrontal, superlu, amg, got {name!r}")
+        return MultigridSolver(pattern, points)
+    raise ValueError(f"linear must be one of auto, multifrontal, amg, got {name!r}")
 
 
 def _finite(elements: FloatArray) -> FloatArray:

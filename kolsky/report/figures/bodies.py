@@ -248,7 +248,12 @@ def _field(
     near: BoolArray | None = None,
 ) -> None:
     points = MM * view.mesh.points
-    _coloured(ax, view, label, value, shading="gouraud")
+    x, y = MM * points.T[:2]
+    image = ax.tripcolor(
+        Triangulation(x, y, view.mesh.cells[:, :3]), value, cmap="viridis", rasterized=True, shading="gouraud"
+    )
+    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
+    colour_bar(image, ax, label, fraction=0.03)
     if vectors is not None:
         size = np.linalg.norm(vectors, axis=1)
         long = np.flatnonzero(size > 0.02 * size.max())
@@ -259,15 +264,6 @@ def _field(
         gap = 0.05 * max(x1 - x0, y1 - y0)
         ax.set_xlim(x0 - gap, x1 + gap)
         ax.set_ylim(y0 - gap, y1 + gap)
-
-
-def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
-    """Draw the triangles of a sheet in colours: values of nodes, or ``facecolors`` of the faces."""
-    x, y = MM * view.mesh.points.T[:2]
-    triangles = Triangulation(x, y, view.mesh.cells[:, :3])
-    image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
-    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
-    colour_bar(image, ax, label, fraction=0.03)
 
 
 @figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]], letters=True)
@@ -300,18 +296,6 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
         "measured region. (c) Relative change of the constant that displacements move most, as a field "
         "over the measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a "
         f"measurement of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
-    )
-
-
-@figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
-def sheet_map(view: SheetView, panels: Panels) -> str:
-    assert view.stiffness is not None  # checked by `applies`
-    factors = view.stiffness.factors[view.stiffness.regions]
-    _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
-    words = "explains" if view.stiffness.explained else "does not explain"
-    return (
-        "Factor of all moduli of each block, the smoothest map by total variation; it "
-        f"{words} the field within its noise."
     )
 
 

@@ -71,13 +71,12 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
 def test_sheet(tmp_path: Path) -> None:
     _field_folder(tmp_path)
     run_kolsky(
-        "specimen", "fit", tmp_path / "sheet.toml", "--out", tmp_path / "fit", "--steps-alone", "--map",
-        "2x2", "--vtu", "--json",
+        "specimen", "fit", tmp_path / "sheet.toml", "--out", tmp_path / "fit", "--steps-alone", "--vtu",
+        "--json",
     )  # fmt: skip
     said = json.loads((tmp_path / "fit" / "specimen.json").read_text())
     assert said["kinematics"] == "plane_stress"
     assert len(said["steps"]) == 2
-    assert (tmp_path / "fit" / "map.csv").read_text().count("\n") == 5
     assert "Sutula" in (tmp_path / "fit" / "specimen.html").read_text()
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of equilibria against differences of whole solutions, and the adjoint against them."""
+"""Derivatives of equilibria against differences of whole solutions."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import box, rectangle
 from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, Pressure, RigidSurface
 from kolsky.equilibrium.reduction import ReducedModel, Sample, choose, decompose, reduce
-from kolsky.equilibrium.sensitivity import adjoint, direct, second
+from kolsky.equilibrium.sensitivity import direct, second
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import solve
 from tests.unit.equilibrium.models import MOONEY, PULL, TIGHT, clamped, sliding
@@ -74,20 +74,6 @@ def test_direct_is_the_difference(case):
 @pytest.mark.parametrize("case", SLOW_CASES)
 def test_direct_is_the_difference_elsewhere(case):
     compared(*SLOW_CASES[case])
-
-
-@pytest.mark.parametrize("case", ["plane strain, mixed", "two regions", "follower pressure"])
-def test_the_adjoint_is_the_direct_one(case):
-    model, steps = CASES[case]
-    solution = solve(model, steps, newton=TIGHT)
-    rng = np.random.default_rng(3)
-    by_u, by_f = rng.normal(size=(2, *solution.displacements.shape))
-    all_of = direct(solution)
-    expected = np.einsum("spnd,snd->p", all_of.displacements, by_u)
-    expected += np.einsum("spnd,snd->p", all_of.forces, by_f)
-    found = adjoint(solution, by_u, by_f)
-    assert found.shape == solution.parameters.shape
-    np.testing.assert_allclose(found.ravel(), expected, rtol=1e-8)
 
 
 def test_derivatives_by_a_force_and_a_displacement():

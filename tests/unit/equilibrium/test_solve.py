@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from benchmarks.equilibrium import SIZE, felupe, strip
 from explicit.materials import LAWS
 from kolsky.equilibrium.linear.base import Pattern, SingularError
-from kolsky.equilibrium.linear.solvers import MultifrontalSolver, SparseSolver, linear_solver
+from kolsky.equilibrium.linear.solvers import MultifrontalSolver, MultigridSolver, linear_solver
 from kolsky.equilibrium.meshes import box, rectangle
 from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidSurface
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
@@ -41,13 +41,6 @@ def test_a_guess_saves_iterations_and_changes_nothing():
     np.testing.assert_allclose(useless.reaction("right"), found.reaction("right"), rtol=1e-6, atol=1e-6)
     with pytest.raises(ValueError, match="guess must have shape"):
         solve(model, PULL, guess=found.displacements[:1])
-
-
-def test_every_linear_solver_gives_one_answer():
-    found = [
-        solve(clamped(), PULL, newton=Newton(1e-12, linear=name)) for name in ("multifrontal", "superlu")
-    ]
-    np.testing.assert_allclose(found[0].forces, found[1].forces, atol=1e-7)
 
 
 def test_a_crushed_body_says_where_it_stopped():
@@ -171,9 +164,6 @@ class Doubled:
     def solve(self, right):
         return 0.5 * right
 
-    def solve_transposed(self, right):
-        return 0.5 * right
-
 
 def test_the_formula_is_that_of_bfgs() -> None:
     # H+ = (I - s y^T / y.s) H (I - y s^T / y.s) + s s^T / y.s  (Nocedal and Wright 2006, Eq. 6.17)
@@ -266,8 +256,7 @@ def elements(kind: str):
 
 @pytest.mark.parametrize("coupled", [False, True])
 @pytest.mark.parametrize("kind", ["definite", "indefinite", "not symmetric"])
-@pytest.mark.parametrize("name", ["multifrontal", "superlu"])
-def test_against_a_dense_solver(name, kind, coupled, monkeypatch):
+def test_against_a_dense_solver(kind, coupled, monkeypatch):
     monkeypatch.setattr(
         "kolsky.equilibrium.linear.multifrontal.LEAF_COMPONENTS", 60
     )  # several levels of fronts
@@ -277,17 +266,13 @@ def test_against_a_dense_solver(name, kind, coupled, monkeypatch):
         free = local >= 0
         np.add.at(dense, np.ix_(local[free], local[free]), block[np.ix_(free, free)])
     np.testing.assert_allclose(places.matrix(K).toarray(), dense, atol=1e-12)
-    solver = linear_solver(name, places, LINEAR_MESH.points, LINEAR_MESH.cells)
+    solver = linear_solver("multifrontal", places, LINEAR_MESH.points, LINEAR_MESH.cells)
     factors = solver.factors(K, symmetric=kind != "not symmetric")
     right = np.random.default_rng(1).normal(size=(places.count, 3))
     expected = scipy.linalg.solve(dense, right)
     scale = np.abs(expected).max()
     np.testing.assert_allclose(factors.solve(right), expected, atol=1e-8 * scale)
     np.testing.assert_allclose(factors.solve(right[:, 0]), expected[:, 0], atol=1e-8 * scale)
-    transposed = scipy.linalg.solve(dense.T, right)
-    np.testing.assert_allclose(
-        factors.solve_transposed(right), transposed, atol=1e-8 * np.abs(transposed).max()
-    )
 
 
 def test_every_unknown_is_eliminated_once():
@@ -340,7 +325,7 @@ def test_multigrid_is_taken_where_factors_are_too_large(monkeypatch):
         linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells), MultifrontalSolver
     )
     monkeypatch.setattr("kolsky.equilibrium.linear.solvers.LARGEST", 8 * rows.sum() - 1)
-    assert isinstance(linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells), SparseSolver)
+    assert isinstance(linear_solver("auto", places, LINEAR_MESH.points, LINEAR_MESH.cells), MultigridSolver)
 
 
 def test_what_only_guides_is_solved_loosely():
