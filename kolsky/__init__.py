@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
-    from kolsky.studies.sweep_analysis import analyse_sweep, screening
+    from kolsky.studies.sweep_analysis import analyse_sweep
 
 _HOME = {
     "EndFriction": "kolsky.material.end_friction.problem",
@@ -96,7 +96,6 @@ _HOME = {
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.waves",
     "save_figures": "kolsky.report.canvas",
-    "screening": "kolsky.studies.sweep_analysis",
     "simulate": "kolsky.inverse.simulate",
     "slow_compression": "kolsky.material.slow_compression",
     "sweep": "kolsky.studies.sweep",

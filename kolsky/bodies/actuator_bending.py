@@ -16,25 +16,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.bodies.actuator_model import (
-    WEIGHT,
-    Actuator,
-    Bending,
-    Touching,
-    bend_of,
-    bend_slope,
-    chord_of,
-    forces_outside,
-    smallest_gap,
-    touching,
-)
+from kolsky.bodies.actuator_model import Actuator, Bending, bend_of, bend_slope, forces_outside, smallest_gap
 from kolsky.bodies.actuator_reading import ActuatorSpec
-from kolsky.equilibrium.arc_length import ArcPath
-from kolsky.equilibrium.dynamics import Prony, march
 from kolsky.equilibrium.solid import Solid
 
-OVERLAP = 0.1
-"""With contact, a larger overlap of facing points than this gives a warning; share of the gap at rest [-]."""
 _FILM_STEPS = 8
 """Smallest number of steps up to the largest pressure."""
 
@@ -51,18 +36,14 @@ class Direction:
     """Indices of the steps at the declared pressures, shape [n_pressures]."""
     gap: FloatArray
     """Smallest distance of neighbouring chambers [m], shape [n]. Below 0 they overlap. NaN without gaps."""
-    path: ArcPath | None = None
-    touching: Touching | None = None
     forces: dict[str, FloatArray] = field(default_factory=dict)
     """Force on each plane and holder [N], shape [n, 3]."""
 
     @property
     def overlapping(self) -> BoolArray:
-        """Steps at which chambers have passed through each other, shape [n]. With contact, a tenth of the gap
-        at rest is allowed. The facing points that measure the gap may slide along the walls."""
-        allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
+        """Steps at which chambers have passed through each other, shape [n]."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.gap < -allowed)
+            return np.asarray(self.gap < 0.0)
 
 
 def simulate_all(spec: ActuatorSpec) -> list[Direction]:
@@ -70,31 +51,20 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     pressures, asked = schedule(spec.pressures)
     directions = []
     for name, g in spec.gravities.items():
-        run, path = _simulated(spec, name, g, pressures, None)
-        healed = None if spec.healed is None else _simulated(spec, name, g, pressures, spec.healed)[0]
-        gap, contact, forces = smallest_gap(run), touching(run), forces_outside(run)
-        directions.append(Direction(name, run, healed, asked, gap, path, contact, forces))
+        run = _simulated(spec, name, g, pressures, None)
+        healed = None if spec.healed is None else _simulated(spec, name, g, pressures, spec.healed)
+        directions.append(Direction(name, run, healed, asked, smallest_gap(run), forces_outside(run)))
     return directions
 
 
 def _simulated(
     spec: ActuatorSpec, name: str, gravity: FloatArray, pressures: FloatArray, body: Solid | None
-) -> tuple[Bending, ArcPath | None]:
-    """Equilibria step by step, or along the path if SPEC declares one."""
-    section, path = spec.declared.path, None
-    constants = spec.actuator.constants(body=body)
-    if section is None:
-        run = spec.actuator.simulate(gravity, pressures, constants=constants)
-    else:
-        run, path = spec.actuator.follow(gravity, pressures, constants=constants, **dict(section))
+) -> Bending:
+    """Equilibria step by step; each of them must be reached."""
+    run = spec.actuator.simulate(gravity, pressures, constants=spec.actuator.constants(body=body))
     reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
     run.solution.outcome.require(f"{name}, beyond {reached:.3g} bar")
-    return run, path
-
-
-def path_angle(path: ArcPath) -> FloatArray:
-    """Bending angle along a path [rad], shape [n]."""
-    return bend_of(chord_of(path.model.mesh, path.displacements))
+    return run
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -106,46 +76,6 @@ def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
         parts.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / step - 1e-9))) + 1)[1:])
     steps = np.concatenate(parts)
     return steps, np.array([int(np.argmin(np.abs(steps - p))) for p in pressures])
-
-
-@dataclass(frozen=True)
-class BendInTime:
-    """A motion of the actuator under one direction of gravity."""
-
-    name: str
-    time: FloatArray
-    """Times [s], shape [n]."""
-    pressure: FloatArray
-    """Pressure [Pa], shape [n]."""
-    angle: FloatArray
-    """Bending angle [rad], shape [n]."""
-
-
-def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
-    """Simulate in time the rise of the pressure to its largest value, as declared in [motion]. The motion
-    begins at rest under the weight. Raises ValueError with the reason if a step fails."""
-    section = spec.declared.motion
-    if section is None:
-        return []
-    prony = None
-    if section.prony:
-        prony = Prony(tuple(one.share for one in section.prony), tuple(one.time for one in section.prony))
-    steps = round((section.ramp + section.hold) / section.step)
-    time = np.asarray(section.step * np.arange(steps + 1), dtype=np.float64)
-    pressure = spec.pressures[-1] * np.minimum(time / section.ramp, 1.0)
-    motions = []
-    for one in directions:
-        model = one.pristine.solution.model
-        histories = {WEIGHT: np.ones(steps), **{h: pressure[1:] for h in spec.actuator.histories}}
-        run = march(
-            model, histories, section.step, density=spec.actuator.density_of_regions, scheme=section.scheme,
-            prony=prony, start=one.pristine.solution.displacements[0],
-            start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
-        )  # fmt: skip
-        run.outcome.require(f"{one.name}, beyond {time[run.reached - 1]:.4g} s")
-        angle = bend_of(chord_of(model.mesh, run.displacements))
-        motions.append(BendInTime(one.name, time, pressure, angle))
-    return motions
 
 
 LARGEST_LOAD = 5.0
@@ -171,19 +101,12 @@ def warnings_of(directions: list[Direction]) -> list[str]:
     model = first.solution.model
     warnings = implausible_load(float(np.abs(first.pressures).max()), float(model.solid.shear_modulus))
     for one in directions:
-        limits = np.array([]) if one.path is None else one.path.limits
-        if limits.size:
-            warnings.append(
-                f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator "
-                "snaps there, and its bend jumps"
-            )
         through = np.flatnonzero(one.overlapping)
         if through.size:
             pressure = 1e-5 * float(one.pristine.pressures[through[0]].max())
             warnings.append(
                 f"{one.name}: from {pressure:.3g} bar on neighbouring chambers overlap, which they cannot: "
-                "the bends beyond are not those of the actuator; "
-                + ("declare [contact]" if one.touching is None else "take more steps or a finer mesh")
+                "the bends beyond are not those of the actuator; widen the gap, or end at a lower pressure"
             )
     return warnings
 

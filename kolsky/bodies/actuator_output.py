@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import columns_of, jsonable
-from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion, path_angle, relative_bend
+from kolsky.bodies.actuator_bending import Direction, Inversion, relative_bend
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 
@@ -14,20 +14,9 @@ Tables = dict[str, Mapping[str, Any]]
 """Name of a table -> heading, with the unit -> cells."""
 
 
-def bend_tables(
-    directions: Sequence[Direction], motions: Sequence[BendInTime], markers: Sequence[MarkerComparison]
-) -> Tables:
-    """Bends, paths, forces, the base's middle line at the declared pressures, motions and markers. A table
-    without rows is left out."""
-    paths = {
-        f"path_{one.name}": {
-            "arc (m)": one.path.arc,
-            "pressure (Pa)": one.path.load,
-            "angle (rad)": path_angle(one.path),
-        }
-        for one in directions
-        if one.path is not None
-    }
+def bend_tables(directions: Sequence[Direction], markers: Sequence[MarkerComparison]) -> Tables:
+    """Bends, forces, the base's middle line at the declared pressures, and markers. A table without rows is
+    left out."""
     rows = {
         "forces": (
             {
@@ -41,11 +30,6 @@ def bend_tables(
             for k, force in enumerate(each)
         ),
         "line": (row for one in directions for row in _line_rows(one)),
-        "motion": (
-            {"gravity": one.name, "time (s)": t, "pressure (Pa)": pressure, "angle (rad)": angle}
-            for one in motions
-            for t, pressure, angle in np.column_stack([one.time, one.pressure, one.angle]).tolist()
-        ),
         "markers": (
             {
                 "gravity": one.gravity,
@@ -62,7 +46,7 @@ def bend_tables(
     }
     bend = columns_of(row for one in directions for row in _bend_rows(one))
     others = {name: table for name, each in rows.items() if (table := columns_of(each))}
-    return {"bend": bend, **paths, **others}
+    return {"bend": bend, **others}
 
 
 def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
@@ -71,17 +55,12 @@ def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
     healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
     slopes = run.slopes()
     for k, angle in enumerate(run.angle):
-        contact = {}
-        if one.touching is not None:
-            contact["contact force (N)"] = float(one.touching.force[k])
-            contact["contact depth (m)"] = float(one.touching.depth[k])
         yield {
             "gravity": one.name,
             **{f"pressure {j} (Pa)": float(p) for j, p in enumerate(run.pressures[k], start=1)},
             "angle (rad)": float(angle),
             "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
             "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
-            **contact,
             **{f"slope {j} (rad/Pa)": float(x) for j, x in enumerate(slopes[k], start=1)},
         }
 
@@ -112,9 +91,6 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
             "pressure_Pa": run.pressures[one.asked],
             "angle_rad": run.angle[one.asked],
             "slope_rad_per_Pa": run.slopes()[one.asked],
-            "limit_pressures_Pa": None if one.path is None else one.path.limits,
-            "contact_force_N": None if one.touching is None else one.touching.force[one.asked],
-            "contact_depth_m": None if one.touching is None else one.touching.depth[one.asked],
             "outside_force_N": {name: each[one.asked] for name, each in one.forces.items()},
             "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
             "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),

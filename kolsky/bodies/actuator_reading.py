@@ -1,7 +1,7 @@
 """SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures from them."""
 
 from dataclasses import dataclass, replace
-from itertools import count, pairwise, takewhile
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_body, read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
-from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
+from kolsky.equilibrium.model import Fixed, RigidSurface, unit
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
@@ -109,50 +109,6 @@ class BlockedSection(Section):
     axes: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1, max_length=3)] = ("z",)
 
 
-class ContactSection(Section):
-    """[contact]: neighbouring chambers touch, by a penalty."""
-
-    penalty: Annotated[float, Field(gt=0.0, le=1e6)] = 500.0
-    depth: f.Length | None = None
-
-
-class PathSection(Section):
-    """[path]: the equilibria are followed by arc length, past limit points of the pressure."""
-
-    first: Pressure
-    steps: Annotated[int, Field(ge=1, le=5000)] = 200
-    longest: Annotated[float, Field(ge=1.0, le=1000.0)] = 4.0
-
-    @model_validator(mode="after")
-    def _begins(self) -> "PathSection":
-        if not self.first > 0.0:
-            raise f.problem("must be > 0", key="first", cure='write the pressure of a small step, "0.02 bar"')
-        return self
-
-
-class PronySection(Section):
-    """One term of [motion] prony: instantaneous over long-term stress, minus 1, and its relaxation time."""
-
-    share: Annotated[float, Field(gt=0.0, le=100.0)]
-    time: f.PositiveTime
-
-
-class MotionSection(Section):
-    """[motion]: the rise of the pressure in time, with inertia and damping."""
-
-    ramp: f.PositiveTime
-    hold: f.PositiveTime
-    step: f.PositiveTime
-    scheme: Literal["backward_euler", "trapezoidal"] = "backward_euler"
-    prony: list[PronySection] = Field(default_factory=list)
-
-    @model_validator(mode="after")
-    def _several(self) -> "MotionSection":
-        if not 4.0 <= (self.ramp + self.hold) / self.step <= 10_000.0:
-            raise f.problem("makes too few or too many steps", key="step", allowed="4 to 10 000 steps in all")
-        return self
-
-
 class InvertSection(Section):
     """[invert]: the target bend, and the largest pressure."""
 
@@ -205,9 +161,6 @@ class ActuatorFile(Section):
     part: dict[str, PartSection] = Field(default_factory=dict)
     plane: dict[str, PlaneSection] = Field(default_factory=dict)
     blocked: BlockedSection | None = None
-    contact: ContactSection | None = None
-    path: PathSection | None = None
-    motion: MotionSection | None = None
     invert: InvertSection | None = None
     control: ControlSection | None = None
     markers: MarkersSection | None = None
@@ -215,18 +168,13 @@ class ActuatorFile(Section):
     @model_validator(mode="after")
     def _rising(self) -> "ActuatorFile":
         sizes = [abs(one) for one in self.pressures]
-        low, path = min(self.pressures), self.path is not None
-        both = low < 0.0 < max(self.pressures)
-        falling, on_a_plane = any(b <= a for a, b in pairwise(sizes)), bool(self.plane)
+        both = min(self.pressures) < 0.0 < max(self.pressures)
+        falling = any(b <= a for a, b in pairwise(sizes))
         blocked = self.blocked is not None and self.invert is not None
-        moved = self.motion is not None and on_a_plane
         f.reject(
             (falling, "pressures", "do not rise", "list them from small to large, as suction too"),
             (both, "pressures", "are of both signs", "simulate pressure and suction from two files"),
-            (path and low < 0.0, "path", "follows pressures above 0", "remove it for suction"),
-            (path and on_a_plane, "path", "is not followed against a plane", "remove [path] or [plane]"),
             (blocked, "invert", "has no effect on a blocked actuator", "remove one of them"),
-            (moved, "motion", "is not simulated against a plane", "remove [motion] or [plane]"),
             (not self.gravity, "gravity", "is empty", "write e.g. downward = [0.0, 0.0, -9.81]"),
         )
         return self
@@ -305,14 +253,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         healed = _solid(toml, "healed", law, changed, key="healed")
     parts = tuple(_part(toml, declared, name, mesh, shape) for name in declared.part)
     mesh, world = _world(toml, declared, mesh, cavities)
-    contacts = _contacts_of(mesh, declared.contact)
-    if declared.contact is not None and not contacts:
-        raise toml.error(
-            "contact",
-            'needs the walls that may touch, the sets "gap_1_left" and "gap_1_right" and so on of the mesh',
-            cure="name them, take two chambers or more, or remove [contact]",
-        )
-    actuator = Actuator(mesh, cavities, solid, section.density, section.mixed, device, contacts, parts, world)
+    actuator = Actuator(mesh, cavities, solid, section.density, section.mixed, device, parts, world)
     for name, g in declared.gravity.items():
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
@@ -422,15 +363,6 @@ def _pneunet_of(declared: ActuatorFile) -> Pneunet:
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
     return Pneunet(**sizes, heights=heights)
-
-
-def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
-    """The contacts of the walls at the gaps of a mesh; empty without a section."""
-    if section is None:
-        return ()
-    gaps = takewhile(lambda n: f"gap_{n}_left" in mesh.sets, count(1))
-    penalty, depth = section.penalty, section.depth
-    return tuple(SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=penalty, depth=depth) for n in gaps)
 
 
 def volume_reading(d1: Any) -> float:

@@ -1,23 +1,18 @@
-"""Fits, simulations and plans of whole specimens as JSON, CSV and HDF5."""
+"""Fits, simulations and plans of whole specimens as JSON and CSV."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kolsky.base.files import columns_of, jsonable
-from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import Expected, SpecimenFit, cross_table
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
 
-VERSION = 1
-"""Version of the layout of the HDF5 file."""
 _LARGEST_COMPRESSION = 0.6
 """Largest nominal compressive strain of the written curve. It does not depend on the tests."""
 
@@ -77,10 +72,7 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 def files_of(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
     """The files of fits beside their tables, for `kolsky.base.files.write_folder`. A text with the lines of a
     shot.toml that name the law's curves belongs to each fit."""
-    files: dict[str, Any] = {
-        "specimen.json": fits_json(fits, inputs),
-        "specimen.h5": lambda path: _write_hdf5(path, fits),
-    }
+    files: dict[str, Any] = {"specimen.json": fits_json(fits, inputs)}
     for found in fits:
         pull, push = largest_strains(found)
         said = (
@@ -162,22 +154,6 @@ def _law_curves(found: SpecimenFit) -> dict[str, CurveBand]:
     return {f"{found.name}_tension": tension, f"{found.name}_compression": compression}
 
 
-def _write_hdf5(path: Path, fits: Sequence[SpecimenFit]) -> None:
-    with creating(path, format="specimen", version=VERSION) as file:
-        for found in fits:
-            place = group(file, found.name)
-            put_text(place, "law", found.constants.law)
-            put_text(place, "free", list(found.constants.free))
-            put(place, "constants", found.constants.start, "SI")
-            put(place, "covariance", found.intervals.covariance, "SI")
-            for one in found.tests:
-                own = group(place, one.test.name, "NXdata")
-                put(own, "displacement", one.test.samples.displacement, "m")
-                put(own, "force", one.test.samples.force, "N")
-                put(own, "simulated", one.force, "N")
-                put(own, "band", one.band, "N")
-
-
 def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
     """A plan as one object of JSON types, the most informative choice first."""
     choices = [
@@ -235,10 +211,8 @@ def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, An
     return {key: jsonable(value, key) for key, value in whole.items()}
 
 
-def field_tables(
-    found: FieldFit, steps: Sequence[FieldFit | str], stiffness: StiffnessMap | None
-) -> dict[str, dict[str, Any]]:
-    """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone; its map."""
+def field_tables(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, dict[str, Any]]:
+    """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone."""
     data = found.problem.data
     columns: dict[str, Any] = {
         "pad (m)": data.pad,
@@ -254,15 +228,4 @@ def field_tables(
             columns[f"{name} of the step alone (SI)"] = alone
         columns[f"relative sigma of {name} per displacement noise (1/m)"] = by_u[:, j]
         columns[f"relative sigma of {name} per force noise (1/N)"] = by_f[:, j]
-    tables = {"steps": columns}
-    if stiffness is not None:
-        mesh = found.problem.sheet.mesh
-        middle = mesh.points[mesh.cells].mean(axis=1)
-        blocks = range(len(stiffness.factors))
-        places = np.array([middle[stiffness.regions == r].mean(axis=0) for r in blocks])
-        tables["map"] = {
-            "x (m)": places[:, 0],
-            "y (m)": places[:, 1],
-            "stiffness over the fitted one (1)": stiffness.factors,
-        }
-    return tables
+    return {"steps": columns}

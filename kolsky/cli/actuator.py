@@ -37,7 +37,7 @@ def actuator_simulate(
 
     Compares measured markers where SPEC names them. Writes actuator.html, actuator.json, bend.csv, line.csv.
     """
-    from kolsky.bodies.actuator_bending import move, simulate_all, warnings_of
+    from kolsky.bodies.actuator_bending import simulate_all, warnings_of
     from kolsky.bodies.actuator_markers import compared_markers
     from kolsky.bodies.actuator_output import bend_tables, bends_json, markers_json
     from kolsky.bodies.actuator_reading import read_actuator
@@ -48,18 +48,16 @@ def actuator_simulate(
     folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
     with read.toml.refusing("pressures", "cannot be simulated"):
         directions = simulate_all(read)
-        motions = move(read, directions)
         compared, stiffness, marker_files = compared_markers(read, directions)
     inputs = {**read.inputs, **marker_files}
-    warnings = warnings_of(directions)
     view = ActuatorView(
-        read.name, directions, compared, stiffness=stiffness, motions=motions, warnings=warnings
+        read.name, directions, compared, stiffness=stiffness, warnings=warnings_of(directions)
     )
     content = bends_json(directions, inputs) | markers_json(compared, stiffness)
 
     solutions = {one.name: one.pristine.solution for one in directions if vtu}
     files = {f"{name}.vtu": partial(write_solution_vtu, solution=one) for name, one in solutions.items()}
-    tables = bend_tables(directions, motions, compared)
+    tables = bend_tables(directions, compared)
     _write_result(folder, view, content, inputs, figures, tables=tables, files=files)
 
 

@@ -12,7 +12,7 @@ from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
-from kolsky.cli.terminal import print_result, progress_bars
+from kolsky.cli.terminal import print_result
 from kolsky.material.fits.columns import Columns
 from kolsky.report.figures_alone import figure_files
 
@@ -286,14 +286,6 @@ def material_relaxation(
         tuple[Path, ...],
         Option("An identified shot to compare with them; repeat.", name="shot", metavar="SHOT"),
     ] = (),
-    joint: Annotated[
-        tuple[Path, ...],
-        Option(
-            "A shot to identify together with the tests, once with each model (minutes); repeat.",
-            name="joint",
-            metavar="SHOT",
-        ),
-    ] = (),
     branches: Annotated[int, Option("Most branches of the Prony series.", min=0, max=8)] = 3,
     out: OutFolder = Path("relaxation"),
     figures: Figures = (),
@@ -306,51 +298,22 @@ def material_relaxation(
     from kolsky.inverse.slow_tests import read_slow_list
     from kolsky.report.pages.material import render_relaxation
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
-    from kolsky.studies.rate_models import comparison_summary, comparison_table
     from kolsky.studies.rates.rate import collected_shot
 
     slow = read_slow_list(tests)
     folder = usable_folder(out)
-    together = _joint_comparison(tests, joint, branches, folder) if joint else None
     rated = [collected_shot(shot, group="all") for shot in shots]
     with refused(tests, cure="correct the list or the tables that it names"):
         result = analyse_rate_dependence(slow, rated, at_most=branches)
     content = {"inputs": dict(slow.files), **summary(result)}
-    written = tables(result)
-    rows = _relaxation_rows(result)
-    if together is not None:
-        content["joint_comparison"] = comparison_summary(together)
-        written["relaxation_joint_models"] = comparison_table(together)
-        rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
     files = {"relaxation.json": content, "relaxation.html": render_relaxation(result, dict(slow.files))}
-    write_folder(folder, files | figure_files(figures, result), written)
-    print_result(rows, content, files={"report": folder / "relaxation.html"}, warnings=result.remarks)
-
-
-def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":
-    """Identify shots and slow tests together with each model of `joint_models`."""
-    # All models share the runs in the folder: those without relaxation are made once, and the same command
-    # continues an interrupted comparison.
-    from doe.ledger import LedgerError
-    from kolsky.inverse.parameters import with_relaxation
-    from kolsky.inverse.settings import JointSettings
-    from kolsky.inverse.slow_tests import read_slow_tests
-    from kolsky.joint_identification import identify_shots
-    from kolsky.shot.load import load_shot
-    from kolsky.studies.rate_models import compare_joint, joint_models
-
-    slow, shots = read_slow_tests(tests), [load_shot(path) for path in paths]
-    found = {}
-    cure = "give shots of one material with one set of free parameters"
-    joining = refused(shots[0].folder, cure=cure, errors=(ValueError, LedgerError))
-    folder.mkdir(parents=True, exist_ok=True)
-    with progress_bars() as progress, joining:
-        for name, kind, number in joint_models(slow, branches):
-            relaxing = [with_relaxation(shot, kind, number) for shot in shots]
-            found[name] = identify_shots(
-                relaxing, JointSettings(), slow=slow, ledger=folder / "joint.sqlite", progress=progress
-            )
-        return compare_joint(found)
+    write_folder(folder, files | figure_files(figures, result), tables(result))
+    print_result(
+        _relaxation_rows(result),
+        content,
+        files={"report": folder / "relaxation.html"},
+        warnings=result.remarks,
+    )
 
 
 def _comparison_rows(found: "ModelComparison") -> dict[str, str]:

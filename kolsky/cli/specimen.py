@@ -37,27 +37,22 @@ def specimen_fit(
     spec: _SpecPath,
     out: _OutOfSpec = None,
     steps_alone: Annotated[bool, Option("For a sheet: also fit every step separately.")] = False,
-    blocks: Annotated[
-        tuple[int, int] | None,
-        Option("For a sheet: also map its stiffness by NX x NY blocks.", name="map", metavar="NXxNY"),
-    ] = None,
     vtu: Vtu = False,
     device: Device = "cpu",
     figures: Figures = (),
 ) -> None:
     """Fit a law to whole specimens: their force curves, or a sheet's displacement field and pad force.
 
-    Writes specimen.html, specimen.json, specimen.h5, tables, and the fitted law as curves that a shot.toml
-    can name.
+    Writes specimen.html, specimen.json, tables, and the fitted law as curves that a shot.toml can name.
     """
     from kolsky.bodies.specimen_reading import read_specification
 
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
     if read.declared.field is not None:
-        _fit_sheet(read, folder, figures, each_step=steps_alone, blocks=blocks, vtu=vtu)
+        _fit_sheet(read, folder, figures, each_step=steps_alone, vtu=vtu)
         return
-    _refuse({"--steps-alone": steps_alone, "--map": blocks is not None}, "is for a sheet")
+    _refuse({"--steps-alone": steps_alone}, "is for a sheet")
     from kolsky.bodies import specimen_output
     from kolsky.bodies.specimen_fit import fit
     from kolsky.report.body_views import view_of
@@ -98,19 +93,12 @@ _refuse = functools.partial(texts.refuse, cure="remove it")
 
 
 def _fit_sheet(
-    read: "Specification",
-    folder: Path,
-    figures: tuple[str, ...],
-    *,
-    each_step: bool,
-    blocks: tuple[int, int] | None,
-    vtu: bool,
+    read: "Specification", folder: Path, figures: tuple[str, ...], *, each_step: bool, vtu: bool
 ) -> None:
     from kolsky.bodies import specimen_output
     from kolsky.bodies.sheet_checks import fit_measured, one_change
     from kolsky.bodies.sheet_fit import fit_steps
     from kolsky.bodies.sheet_reading import read_field
-    from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
     from kolsky.report.body_views import sheet_view_of
     from kolsky.report.result_folder import write_specimen_results
 
@@ -125,8 +113,7 @@ def _fit_sheet(
         )
         change = one_change(measured, result)
     steps = fit_steps(result.problem) if each_step else []
-    mapped = stiffness_map_of(result.problem, blocks) if blocks else None
-    view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
+    view = sheet_view_of(read.name, measured, result, steps, change=change)
     inputs = {**read.inputs, **measured.inputs}
     write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu)
     content = specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs}

@@ -37,28 +37,6 @@ class Prescribed:
 
 
 @dataclass(frozen=True)
-class Coupled:
-    """Points that move together along an axis (a rigid sliding interface), with or without a force. This is
-    the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown."""
-
-    where: str
-    axis: int
-    """The component that the points have in common."""
-    force: str | None = None
-    """Name of the history of the force on them [N]; None: no force."""
-
-
-@dataclass(frozen=True)
-class NodalForce:
-    """A dead force, distributed equally over the points of a set."""
-
-    where: str
-    axis: int
-    history: str
-    """Name of the history [N]."""
-
-
-@dataclass(frozen=True)
 class Traction:
     """A dead load per undeformed area on the faces that have all points in a set."""
 
@@ -112,35 +90,15 @@ class RigidSurface:
     """Largest depth, as a share of the mesh's size [-]."""
 
 
-@dataclass(frozen=True)
-class SelfContact:
-    """Two surfaces of the body that cannot pass through each other. They have no friction. A penalty force
-    acts on the integration points of each surface that penetrate the other. An equilibrium with a point
-    deeper than `depth` is not accepted."""
-
-    where: str
-    other: str
-    penalty: float = 500.0
-    """Pressure divided by depth, in shear moduli over the size of a face [-]."""
-    depth: float | None = None
-    """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
-
-    def __post_init__(self) -> None:
-        for name in ("penalty", "depth"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} of a contact must be > 0, got {value}")
-
-
-Load = NodalForce | Traction | Gravity | Pressure
-Condition = Fixed | Prescribed | Coupled | RigidSurface | SelfContact | Load
+Load = Traction | Gravity | Pressure
+Condition = Fixed | Prescribed | RigidSurface | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
     """Names of the histories of the conditions, in their order, without duplicates."""
     names: list[str] = []
     for condition in conditions:
-        name = condition.force if isinstance(condition, Coupled) else getattr(condition, "history", None)
+        name = getattr(condition, "history", None)
         if name is not None and name not in names:
             names.append(name)
     return tuple(names)
@@ -292,18 +250,15 @@ class Unknowns:
     count: int
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of the prescribed displacements."""
-    forces: tuple[tuple[int, str], ...]
-    """Component of a point, and history, of the forces on coupled points."""
 
 
 def _number_unknowns(model: Model) -> Unknowns:
     """Number the unknowns of a model."""
     d = model.dimension
     owner = np.full(model.n_dofs, -1)
-    master = np.arange(model.n_dofs)
-    prescribed, forces = [], []
+    prescribed = []
     for number, condition in enumerate(model.conditions):
-        if not isinstance(condition, Fixed | Prescribed | Coupled):
+        if not isinstance(condition, Fixed | Prescribed):
             continue
         nodes = model.mesh.nodes(condition.where)
         axes = (
@@ -327,13 +282,7 @@ def _number_unknowns(model: Model) -> Unknowns:
             if isinstance(condition, Prescribed):
                 factor = np.broadcast_to(np.asarray(condition.factor, dtype=float), dofs.shape).copy()
                 prescribed.append((dofs, condition.history, factor))
-            elif isinstance(condition, Coupled):
-                master[dofs] = dofs[0]
-                if condition.force is not None:
-                    forces.append((int(dofs[0]), condition.force))
-    held = np.array([k >= 0 and not isinstance(model.conditions[k], Coupled) for k in owner], dtype=bool)
     index = np.full(model.n_dofs, -1)
-    free = np.flatnonzero(~held & (master == np.arange(model.n_dofs)))
+    free = np.flatnonzero(owner < 0)
     index[free] = np.arange(len(free))
-    index[~held] = index[master[~held]]
-    return Unknowns(index, len(free), tuple(prescribed), tuple(forces))
+    return Unknowns(index, len(free), tuple(prescribed))

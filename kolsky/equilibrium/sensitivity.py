@@ -5,15 +5,10 @@ At an equilibrium f_int(u, p) = f_ext the derivatives of the unknowns by the con
     K du/dp = -df_int/dp                                                                       (S.1)
 
 (Schumacher and others 2020, Section IV-B). The forces of the points have the derivatives dF/dp = df_int/dp +
-K_F du/dp, fixed points included. K_F is the tangent of F. A cost c(u, F) has the gradient dc/dp = (dc/dF -
-lam) . df_int/dp with
+K_F du/dp, fixed points included. K_F is the tangent of F. The second derivatives follow from r(u, p) = 0,
+differentiated twice:
 
-    K^T lam = dc/du + K_F^T dc/dF                                                              (S.2)
-
-for the unknowns. This is one system per step for any number of constants. The second derivatives follow from
-r(u, p) = 0, differentiated twice:
-
-    K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.3)
+    K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.2)
 
 where D_q is the derivative along (u_q, e_q) at fixed u_p. It is a difference of the exact first derivatives
 at two points. Its error is up to 1e-5 with a follower pressure, and 1e-7 without.
@@ -74,7 +69,7 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
         moved = np.zeros_like(explicit)
         for j, name in enumerate(histories, start=len(own)):
             moved[j], right[j] = _by_history(equations, state, elements, name)
-        factors = equations.factors(elements, state)
+        factors = equations.factors(elements)
         if keep:
             kept.append(factors)
         unknown = factors.solve(-right.T).T
@@ -85,31 +80,6 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
         forces = explicit + equations.times(carried, moved)
         df[step] = forces.reshape(shape[1:])
     return Sensitivities(names, du, df, solution, tuple(kept))
-
-
-def adjoint(
-    solution: Solution, by_displacements: FloatArray, by_forces: FloatArray | None = None
-) -> FloatArray:
-    """Gradient of a cost by the constants, by Eq. (S.2).
-
-    ``solution``: equilibria. ``by_displacements``: derivative of the cost by the displacements [1/m].
-    ``by_forces``: derivative of the cost by the forces of the points [1/N]. Returns: dc/dp, region by region,
-    shape [n_regions, n_parameters], summed over the steps that were reached.
-    """
-    model, equations = solution.model, solution.equations
-    gradient = np.zeros(solution.parameters.shape)
-    for step in range(solution.reached):
-        state = state_of(equations, solution, step)
-        weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
-        carried = equations.carried_stiffness(state)
-        right = by_displacements[step].reshape(-1) + equations.times(np.swapaxes(carried, 1, 2), weight)
-        factors = equations.factors(equations.with_contact(carried, state, held=True), state)
-        lam = factors.solve_transposed(equations.reduced(right))
-        test = weight - equations.expanded(lam)
-        elements = equations.body.element_forces_by_parameters(state.body)
-        each = np.einsum("mpa,ma->mp", elements, test[equations.body.pattern.dofs])
-        np.add.at(gradient, model.cell_regions, each)
-    return gradient
 
 
 def state_of(equations: Equations, solution: Solution, step: int) -> State:
@@ -173,7 +143,7 @@ def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondD
     model, table = solution.model, solution.parameters
     equations = solution.equations
     n = table.size if first is None else first
-    if equations.contacts or equations.surfaces:
+    if equations.contacts:
         raise ValueError(
             "second derivatives of a model with contact are not defined where a point comes or goes"
         )

@@ -38,12 +38,7 @@ class Outcome(NamedOutcome):
     PENETRATION = (
         5,
         "a contact did not close within its tolerance",
-        "raise the penalty or the tolerance of the contact, or take smaller steps",
-    )
-    UNFINISHED = (
-        6,
-        "the path did not reach its last load within its steps",
-        "allow more or longer steps, or end at a load that the body can carry",
+        "raise the tolerance of the contact, or take smaller steps",
     )
 
 
@@ -59,7 +54,7 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Forces of supports, grips, rigid surfaces and nodal loads on the points [N], shape [n_steps, n, d].
+    """Forces of supports, grips, rigid surfaces and tractions on the points [N], shape [n_steps, n, d].
     They are internal forces minus weight and pressure."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion
+from kolsky.bodies.actuator_bending import Direction, Inversion
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 from kolsky.bodies.sheet import mass_matrix
@@ -14,7 +14,6 @@ from kolsky.bodies.sheet_fit import BeforeTest, FieldFit, before_test, smoothed
 from kolsky.bodies.sheet_reading import MeasuredField
 from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import strains
-from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solution import Solution
 
@@ -96,8 +95,6 @@ class SheetView:
     """dm/du_msr of the last step as a field, relative to the constants [1/m^3], shape [p, nodes, 2]."""
     before: BeforeTest
     """Sensitivity to displacements of the whole sheet before a test."""
-    stiffness: StiffnessMap | None = None
-    """Stiffness factors by blocks, if requested."""
     change: str = ""
     """A single change of the data that would explain field and force; empty if no such change was found."""
 
@@ -125,23 +122,11 @@ class SheetView:
                 f"{gone} of {len(self.measured.left_out)} points are left out, because their neighbours "
                 "and the fitted sheet do not predict them (field.points.gate)"
             )
-        if self.stiffness is not None and not self.stiffness.explained:
-            said.append(
-                "no map of stiffness explains the field within its noise: chi-square over its degrees of "
-                f"freedom falls from {self.stiffness.uniform / self.stiffness.degrees:.3g} to "
-                f"{self.stiffness.chi2 / self.stiffness.degrees:.3g}"
-            )
         return said
 
 
 def sheet_view_of(
-    name: str,
-    measured: MeasuredField,
-    found: FieldFit,
-    steps: Sequence[FieldFit | str],
-    stiffness: StiffnessMap | None = None,
-    *,
-    change: str = "",
+    name: str, measured: MeasuredField, found: FieldFit, steps: Sequence[FieldFit | str], *, change: str = ""
 ) -> SheetView:
     """Make the fields of a fitted sheet, Eqs. (K.26-36): the sensitivities, and the map before any test."""
     problem = found.problem
@@ -158,14 +143,7 @@ def sheet_view_of(
     both = block_diag([whole, whole]).tocsr()
     stacked = np.moveaxis(slopes, 2, 1).reshape(p, -1)  # all x, then all y
     return SheetView(
-        name,
-        measured,
-        found,
-        tuple(steps),
-        field,
-        before_test(stacked, both, found.values[free]),
-        stiffness,
-        change,
+        name, measured, found, tuple(steps), field, before_test(stacked, both, found.values[free]), change
     )
 
 
@@ -187,8 +165,6 @@ class ActuatorView:
     """Measured and simulated markers."""
     stiffness: StiffnessFit | None = None
     """Factor of all moduli, fitted to the markers."""
-    motions: Sequence[BendInTime] = ()
-    """Bends over time."""
     inversions: Mapping[str, Sequence[Inversion]] = field(default_factory=dict)
     """Searches for a pressure, by direction of gravity."""
     closed: Mapping[str, Closed] = field(default_factory=dict)

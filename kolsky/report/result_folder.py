@@ -403,8 +403,8 @@ def write_specimen_results(
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Force curves also give specimen.h5, and curves for `identify`. ``vtu``: also write the last sample of each
-    test for ParaView.
+    Force curves also give curves for `identify`. ``vtu``: also write the last sample of each test for
+    ParaView.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
@@ -416,7 +416,7 @@ def write_specimen_results(
         files |= output.files_of(view.fits, inputs)
         solutions, fields = view.solutions, {}
     else:
-        tables = output.field_tables(view.fit, view.steps, view.stiffness)
+        tables = output.field_tables(view.fit, view.steps)
         files["specimen.json"] = output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
         solutions, fields = {"sheet": view.fit.cost.state.solution}, view.fields
     for name, solution in solutions.items() if vtu else ():

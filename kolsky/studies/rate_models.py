@@ -1,7 +1,7 @@
 """Model selection for the rate dependence: elastic, Prony series or Bergstrom-Boyce network.
 
 Each model is fitted to the same values. The models are compared by two criteria. With the weighted sum of
-squares Q (for shots -2 ln L), k parameters and n values,
+squares Q, k parameters and n values,
 
     AICc = Q + 2 k + 2 k (k + 1) / (n - k - 1),    BIC = Q + k ln n,                                   (V.6)
 
@@ -24,9 +24,9 @@ from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
 from explicit.materials import MaterialLaw
-from kolsky.base.apparatus import MOST_BRANCHES, NETWORK_DEFAULTS, NETWORK_FREE, Relaxation, RelaxationKind
+from kolsky.base.apparatus import NETWORK_DEFAULTS, NETWORK_FREE, Relaxation
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.joint_result import JointResult, Slow
+from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
 from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, HistoryTest, RateFit
 
@@ -254,45 +254,6 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
     ends = (best.x - lower < AT_END) | (upper - best.x < AT_END)
     doubt = _ends([name for name, end in zip(names, ends, strict=True) if end])
     return Candidate(NETWORK, len(names), 2.0 * float(best.cost), constants(best.x), doubt)
-
-
-def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, int]]:
-    """Models for the identification of shots and slow tests: name, kind and branches."""
-    made: list[tuple[str, RelaxationKind, int]] = [
-        (series_name(k), "prony", k) for k in range(1, min(branches, MOST_BRANCHES) + 1)
-    ]
-    if all(isinstance(one, HistoryTest) for one in slow):
-        made.append((NETWORK, "bergstrom_boyce", 1))
-    return made
-
-
-def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
-    """Compare models identified from the same shots and slow tests with an elastic model.
-
-    Each result contains its criteria minus those of the elastic model on the same data, with the mesh error
-    (`kolsky.inverse.joint_result.ModelChoice`). The elastic deviance is therefore 0 here. ``results``: by the
-    name of the relaxation. Raises ValueError if one was made without the comparison or with other values.
-    """
-    found: list[Candidate] = []
-    sizes = []
-    for name, result in results.items():
-        choice = result.choice
-        if choice is None:
-            raise ValueError(f"{name}: the identification did not compare it with an elastic material")
-        k = len(result.estimates) - len(choice.elastic)
-        lower = choice.aic - 2.0 * k
-        sizes.append(round(float(np.exp((choice.bic - lower) / k))))
-        values = {key: e.value for key, e in result.estimates.items()}
-        if not found:
-            found.append(Candidate(ELASTIC, len(choice.elastic), 0.0, choice.elastic))
-        # a model favoured by a criterion is not chosen if synthetic elastic data or the mesh would give the
-        # same
-        doubt = "" if choice.asked_for or choice.aic >= 0.0 else choice.sentence
-        found.append(Candidate(name, len(result.estimates), lower, values, doubt))
-    if len(set(sizes)) != 1:
-        raise ValueError(f"the results are of different values: {', '.join(map(str, sizes))}")
-    found.sort(key=lambda one: one.parameters)
-    return ModelComparison(tuple(found), sizes[0], 1.0, {})
 
 
 def comparison_table(found: ModelComparison) -> dict[str, list[Any]]:

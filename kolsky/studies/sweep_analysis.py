@@ -1,4 +1,4 @@
-"""The analysis of a sweep: maps of the misfits, main effects, shares of their variance; screening."""
+"""The analysis of a sweep: maps of the misfits, main effects, shares of their variance."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.views import ResultViews
-from doe import Box, CostSurrogate, SearchResult, morris, nelder_mead
-from doe.sensitivity import ElementaryEffects, SobolIndices, sobol_indices
+from doe import Box, CostSurrogate, SearchResult, nelder_mead
+from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.observations import predict
@@ -16,7 +16,7 @@ from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
-from kolsky.studies.sweep import Sweep, least_run, misfit_sum, sweep
+from kolsky.studies.sweep import Sweep, least_run, misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits in the analysis, Eqs. (M.3) to (M.5), and their units."""
@@ -234,37 +234,6 @@ def _indices(box: Box, outputs: dict[str, Output]) -> SobolIndices | None:
         n=SAMPLE,
         rng=SEED,
     )
-
-
-def screening(
-    shot: Shot, box: Box, *, trajectories: int = 10, numerics: Numerics | None = None
-) -> tuple[tuple[str, ...], ElementaryEffects]:
-    """Morris' elementary effects on the misfits.
-
-    Parameters
-    ----------
-    shot, numerics
-        As in `kolsky.studies.sweep.sweep`.
-    box
-        A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
-    trajectories
-        Number of trajectories. Each needs one more run than there are parameters.
-
-    Returns
-    -------
-    outputs
-        Names of the misfits, length s.
-    effects
-        Effects of each parameter on each misfit.
-
-    Raises
-    ------
-    ValueError
-        If a run does not complete, or if a parameter is unknown or outside its range.
-    """
-    walks = morris(box, trajectories, rng=SEED)
-    found = _misfits(sweep(shot, walks.design, numerics=numerics).table)
-    return tuple(found), walks.effects(np.column_stack(list(found.values())))
 
 
 def forces_along(shot: Shot, swept: Sweep, numerics: Numerics) -> ForcesAlong | None:

@@ -20,10 +20,6 @@ class Factors(Protocol):
         """Solutions of K x = b for columns b, shape [n] or [n, n_right]."""
         ...
 
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        """Solutions of K^T x = b."""
-        ...
-
 
 ENTRIES = 20_000_000
 """Maximum number of matrix entries that are sorted together, which limits the memory [-]."""

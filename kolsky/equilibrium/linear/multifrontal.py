@@ -346,31 +346,20 @@ class Multifrontal:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """See `kolsky.equilibrium.linear.base.Factors`."""
-        return self._solve(right, transposed=False)
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        """See `kolsky.equilibrium.linear.base.Factors`."""
-        return self._solve(right, transposed=not self.positive)
-
-    def _solve(self, right: FloatArray, *, transposed: bool) -> FloatArray:
         if self.positive and right.ndim == 1:
             return self._solve_one(right)
         x = np.asarray(right, dtype=self._kind).reshape(self.count, -1)[self._order]
         steps = [
-            (front.own, front.outside, block, *_triangles(block, transposed=transposed))
+            (front.own, front.outside, block, *_triangles(block))
             for front, block in zip(self.fronts, self._blocks, strict=True)
             if front.eliminated
         ]
         for own, outside, block, (triangle, options, beyond), _ in steps:
-            given = x[own] if self.positive or transposed else x[own][block[1]]
+            given = x[own] if self.positive else x[own][block[1]]
             x[own] = _solved(triangle, given, **options)
             x[outside] -= beyond @ x[own]
-        for own, outside, block, _, (triangle, options, beyond) in reversed(steps):
-            solved = _solved(triangle, x[own] - beyond @ x[outside], **options)
-            if transposed:
-                x[own][block[1]] = solved
-            else:
-                x[own] = solved
+        for own, outside, _, _, (triangle, options, beyond) in reversed(steps):
+            x[own] = _solved(triangle, x[own] - beyond @ x[outside], **options)
         found = np.empty((self.count, x.shape[1]))
         found[self._order] = x
         return found.reshape(np.shape(right))
@@ -433,14 +422,12 @@ Triangle = tuple[FloatArray, dict[str, int], FloatArray]
 """A triangle of a front with its options for ``trsm``, and the block that couples it to the boundary."""
 
 
-def _triangles(block: tuple[FloatArray, ...], *, transposed: bool) -> tuple[Triangle, Triangle]:
+def _triangles(block: tuple[FloatArray, ...]) -> tuple[Triangle, Triangle]:
     """Lower and upper triangle of a front in the order of the substitutions."""
     if len(block) == 2:
         L, low = block
         return (L, {"lower": 1}, low), (L, {"lower": 1, "trans_a": 1}, low.T)
     LU, _rows, low, right = block
-    if transposed:
-        return (LU, {"lower": 0, "trans_a": 1}, right.T), (LU, {"lower": 1, "diag": 1, "trans_a": 1}, low.T)
     return (LU, {"lower": 1, "diag": 1}, low), (LU, {"lower": 0}, right)
 
 

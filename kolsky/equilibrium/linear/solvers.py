@@ -1,23 +1,20 @@
 """Linear solvers by name.
 
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
-the usual choice. "superlu" is SciPy's. "amg" is the conjugate gradient method with an algebraic multigrid of
-smoothed aggregation (Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large
-for a factorisation in memory. Its near-null space is the rigid motions. `BridgedSolver` adds blocks between
-points of different elements (contact).
+the usual choice. "amg" is the conjugate gradient method with an algebraic multigrid of smoothed aggregation
+(Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large for a factorisation in
+memory. Its near-null space is the rigid motions.
 """
 
-from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import cg, gmres, splu
+from scipy.sparse.linalg import cg, gmres
 
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.linear.base import Factors, Pattern, SingularError
 from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, dissect
-from kolsky.equilibrium.meshes import components
 
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
@@ -43,15 +40,9 @@ class _Multigrid:
         self._options = {"rtol": tolerance, "maxiter": ITERATIONS, "M": levels.aspreconditioner()}
 
     def solve(self, right: FloatArray) -> FloatArray:
-        return self._solve(self.matrix, right)
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        return self._solve(self.matrix if self.symmetric else self.matrix.T, right)
-
-    def _solve(self, matrix: csr_array, right: FloatArray) -> FloatArray:
         found = []
         for column in np.asarray(right, dtype=float).reshape(len(right), -1).T:
-            x, info = (cg if self.symmetric else gmres)(matrix, column, **self._options)
+            x, info = (cg if self.symmetric else gmres)(self.matrix, column, **self._options)
             if info != 0:
                 raise SingularError(
                     f"{ITERATIONS} iterations with multigrid did not reach {self._options['rtol']:g}"
@@ -107,41 +98,21 @@ class MultifrontalSolver:
         return Multifrontal(self.fronts, self.assembly, values, self.count, symmetric=symmetric)
 
 
-class SparseSolver:
-    """A solver of matrices in CSR."""
+class MultigridSolver:
+    """Solver that creates a hierarchy of grids for every matrix."""
 
-    def __init__(
-        self, pattern: Pattern, factorise: Callable[[csr_array, bool, bool], Factors], *, worth: int
-    ) -> None:
-        self.pattern, self._factorise, self.worth = pattern, factorise, worth
+    def __init__(self, pattern: Pattern, points: FloatArray) -> None:
+        self.pattern, self.worth = pattern, 1
+        self._rigid = _rigid_motions(pattern, points)
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `MultifrontalSolver.factors`."""
-        guiding = elements.dtype == np.float32
-        return self._factorise(self.pattern.matrix(_finite(elements)), symmetric, guiding)
+        tolerance = GUIDE if elements.dtype == np.float32 else TOLERANCE
+        matrix = self.pattern.matrix(_finite(elements))
+        return _Multigrid(matrix, self._rigid, symmetric=symmetric, tolerance=tolerance)
 
 
-class _SuperLU:
-    def __init__(self, matrix: csr_array, symmetric: bool, guiding: bool) -> None:
-        options = {"SymmetricMode": True} if symmetric else {}
-        try:
-            self._factors = splu(
-                matrix.tocsc(),
-                permc_spec="MMD_AT_PLUS_A" if symmetric else "COLAMD",
-                diag_pivot_thresh=0.0 if symmetric else 1.0,
-                options=options,
-            )
-        except RuntimeError as problem:
-            raise SingularError(str(problem)) from problem
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        return np.asarray(self._factors.solve(right))
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        return np.asarray(self._factors.solve(right, trans="T"))
-
-
-LinearSolver = MultifrontalSolver | SparseSolver
+LinearSolver = MultifrontalSolver | MultigridSolver
 """Factorises sums of element matrices of one mesh. `worth` solutions take about the time of one."""
 
 
@@ -152,62 +123,12 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
         if name == "multifrontal" or pattern.count <= MANY or direct.bytes <= LARGEST:
             return direct
         name = "amg"
-    if name == "superlu":
-        return SparseSolver(pattern, _SuperLU, worth=DIRECT)
     if name == "amg":
-        rigid = _rigid_motions(pattern, points)
-
-        def multigrid(matrix: csr_array, symmetric: bool, guiding: bool) -> Factors:
-            return _Multigrid(matrix, rigid, symmetric=symmetric, tolerance=GUIDE if guiding else TOLERANCE)
-
-        return SparseSolver(pattern, multigrid, worth=1)
-    raise ValueError(f"linear must be one of auto, multifrontal, superlu, amg, got {name!r}")
+        return MultigridSolver(pattern, points)
+    raise ValueError(f"linear must be one of auto, multifrontal, amg, got {name!r}")
 
 
 def _finite(elements: FloatArray) -> FloatArray:
     if not np.isfinite(elements).all():
         raise SingularError("the stiffness has entries that are not finite")
     return elements
-
-
-class BridgedSolver:
-    """The solver of a pattern with elements connected by blocks. Known blocks keep their positions."""
-
-    def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
-        self.name, self.pattern, self.points, self.cells = name, pattern, points, cells
-        self._known: IntArray | None = None
-        self._solver: LinearSolver | None = None
-
-    def factors(
-        self, elements: FloatArray, nodes: IntArray, blocks: FloatArray, *, symmetric: bool
-    ) -> Factors:
-        """Factors of the sum of element matrices [m, k d, k d] and blocks [b, j d, j d] of the points
-        [b, j].
-        """
-        rows = nodes if self._known is None else np.concatenate([self._known, nodes])
-        known, where = np.unique(rows, axis=0, return_inverse=True)
-        if self._solver is None or self._known is None or len(known) > len(self._known):
-            self._known, self._solver = known, self._joined(known)
-        d = self.points.shape[1]
-        width = max(elements.shape[1], d * known.shape[1])
-        together = np.zeros((len(elements) + len(known), width, width), elements.dtype)
-        own = elements.shape[1]
-        together[: len(elements), :own, :own] = elements
-        further = together[len(elements) :, : blocks.shape[1], : blocks.shape[1]]
-        np.add.at(further, where.ravel()[len(rows) - len(nodes) :], blocks.astype(elements.dtype))
-        return self._solver.factors(together, symmetric=symmetric)
-
-    def _joined(self, known: IntArray) -> LinearSolver:
-        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
-        held = len(self.pattern.index)
-        own = self.pattern.dofs
-        further = components(known, self.points.shape[1])
-        width = max(own.shape[1], further.shape[1])
-        dofs = np.full((len(own) + len(further), width), held)
-        dofs[: len(own), : own.shape[1]] = own
-        dofs[len(own) :, : further.shape[1]] = further
-        # cells of one width; a repeated point moves only the centre by which they are sorted
-        count = max(self.cells.shape[1], known.shape[1])
-        cells = np.concatenate([np.resize(row, count)[None] for row in (*self.cells, *known)])
-        pattern = Pattern(dofs, np.append(self.pattern.index, -1), self.pattern.count)
-        return linear_solver(self.name, pattern, self.points, cells)

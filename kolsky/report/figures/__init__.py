@@ -74,11 +74,8 @@ PLACES: dict[str, tuple[str, ...]] = {
         "material: relaxation_moduli relaxation_holds relaxation_oscillation relaxation_shifts",
     ),
     "SPECIMENS": ("kolsky.report.body_views.SpecimenView", "bodies: forces correlations strains mesh"),
-    "SHEETS": (
-        "kolsky.report.body_views.SheetView",
-        "bodies: sheet_map sheet_histories sheet_steps sheet_fields",
-    ),
-    "ACTUATORS": ("kolsky.report.body_views.ActuatorView", "bodies: shapes bend motion markers loop"),
+    "SHEETS": ("kolsky.report.body_views.SheetView", "bodies: sheet_histories sheet_steps sheet_fields"),
+    "ACTUATORS": ("kolsky.report.body_views.ActuatorView", "bodies: shapes bend markers loop"),
 }
 """For each registry the class of the results in its figures, and files with their figures in the order of its
 page. A file is loaded when one of its registries is needed, because a command makes one page."""

@@ -8,7 +8,6 @@ from matplotlib.collections import PolyCollection
 from matplotlib.tri import Triangulation
 
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.bodies.actuator_bending import path_angle
 from kolsky.bodies.actuator_model import Bending
 from kolsky.report.body_views import BINS, ActuatorView, SheetView, SpecimenView, outer_faces, side_view
 from kolsky.report.figures.base import (
@@ -249,7 +248,12 @@ def _field(
     near: BoolArray | None = None,
 ) -> None:
     points = MM * view.mesh.points
-    _coloured(ax, view, label, value, shading="gouraud")
+    x, y = MM * points.T[:2]
+    image = ax.tripcolor(
+        Triangulation(x, y, view.mesh.cells[:, :3]), value, cmap="viridis", rasterized=True, shading="gouraud"
+    )
+    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
+    colour_bar(image, ax, label, fraction=0.03)
     if vectors is not None:
         size = np.linalg.norm(vectors, axis=1)
         long = np.flatnonzero(size > 0.02 * size.max())
@@ -260,15 +264,6 @@ def _field(
         gap = 0.05 * max(x1 - x0, y1 - y0)
         ax.set_xlim(x0 - gap, x1 + gap)
         ax.set_ylim(y0 - gap, y1 + gap)
-
-
-def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
-    """Draw the triangles of a sheet in colours: values of nodes, or ``facecolors`` of the faces."""
-    x, y = MM * view.mesh.points.T[:2]
-    triangles = Triangulation(x, y, view.mesh.cells[:, :3])
-    image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
-    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
-    colour_bar(image, ax, label, fraction=0.03)
 
 
 @figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]], letters=True)
@@ -301,18 +296,6 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
         "measured region. (c) Relative change of the constant that displacements move most, as a field "
         "over the measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a "
         f"measurement of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
-    )
-
-
-@figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
-def sheet_map(view: SheetView, panels: Panels) -> str:
-    assert view.stiffness is not None  # checked by `applies`
-    factors = view.stiffness.factors[view.stiffness.regions]
-    _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
-    words = "explains" if view.stiffness.explained else "does not explain"
-    return (
-        "Factor of all moduli of each block, the smoothest map by total variation; it "
-        f"{words} the field within its noise."
     )
 
 
@@ -368,22 +351,14 @@ def bend(view: ActuatorView, panels: Panels) -> str:
     for colour, one in zip(STATE_COLOURS, view.directions, strict=False):
         run, name = one.pristine, label_text(one.name, 20)
         bar = BAR * run.pressures.max(axis=1)
-        line = "-" if one.path is None else "."  # a line would join both sides of a snap
-        ax.plot(bar, np.degrees(run.angle), line, color=colour, lw=1.0, ms=3, label=name)
+        ax.plot(bar, np.degrees(run.angle), "-", color=colour, lw=1.0, ms=3, label=name)
         ax.plot(bar[one.asked], np.degrees(run.angle[one.asked]), "o", color=colour, ms=4)
-        if one.path is not None:
-            ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
-            line = "--" if one.path is None else "+"
-            ax.plot(bar, np.degrees(one.healed.angle), line, color=colour, lw=1.0, label=f"{name}, healed")
+            ax.plot(bar, np.degrees(one.healed.angle), "--", color=colour, lw=1.0, label=f"{name}, healed")
     ax.set(xlabel="pressure (bar)", ylabel="bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
     healed = any(one.healed is not None for one in view.directions)
     text = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
-    if any(one.path is not None for one in view.directions):
-        text += (
-            " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
-        )
     return text + (" Dashed: with the constants of the healed material." if healed else "")
 
 
@@ -408,20 +383,6 @@ def markers(view: ActuatorView, panels: Panels) -> str:
         ax.set_title(label_text(name, 24), fontsize="medium")
         ax.set(xlabel="$x$ (mm)", ylabel="$z$ (mm)")
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
-
-
-@figure(PAGE, 70.0, [["motion"]], applies=lambda view: bool(view.motions))
-def motion(view: ActuatorView, panels: Panels) -> str:
-    ax = panels["motion"]
-    for colour, one in zip(STATE_COLOURS, view.motions, strict=False):
-        ax.plot(one.time, np.degrees(one.angle), "-", color=colour, lw=1.0, label=label_text(one.name, 20))
-    ax.set(xlabel="time (s)", ylabel="bending angle (°)")
-    ax.legend(frameon=False, fontsize="small")
-    one = view.motions[0]
-    return (
-        f"Bending angle over time: the pressure rises to {BAR * float(one.pressure[-1]):.3g} bar and is "
-        "held, with inertia and the declared damping."
-    )
 
 
 @figure(

@@ -18,7 +18,7 @@ ROUTES = ("joint", "force only", "shape only", "paper")
 def tables(report: RateReport) -> dict[str, Columns]:
     """The tables of a report: name -> columns. Missing numbers are NaN."""
     made = {
-        "rate_shots": columns_of(_shots(report)),
+        "rate_shots": columns_of(row for group in report.groups for row in _shots(group)),
         "rate_groups": columns_of(map(_group_row, report.groups)),
     }
     for name, (rows_of, headings) in TABLES.items():
@@ -28,13 +28,12 @@ def tables(report: RateReport) -> dict[str, Columns]:
     return made
 
 
-def _shots(report: RateReport) -> Iterator[dict[str, Any]]:
-    for rates in report.groups:
-        weight = {}
-        if rates.slope is not None and rates.slope.fit is not None:
-            named = zip(rates.counted, rates.slope.fit.leverage, strict=True)
-            weight = {shot.name: float(leverage) for shot, leverage in named}
-        yield from (_shot(shot, weight.get(shot.name, NAN)) for shot in rates.shots)
+def _shots(rates: GroupRates) -> Iterator[dict[str, Any]]:
+    weight = {}
+    if rates.slope is not None and rates.slope.fit is not None:
+        named = zip(rates.counted, rates.slope.fit.leverage, strict=True)
+        weight = {shot.name: float(leverage) for shot, leverage in named}
+    yield from (_shot(shot, weight.get(shot.name, NAN)) for shot in rates.shots)
 
 
 def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
@@ -191,69 +190,20 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
 
 
 def summary(report: RateReport) -> dict[str, Any]:
-    """The report as one object of JSON types. Numbers that are not finite become null."""
-    said = {
-        "grouped_by": report.grouped_by,
-        "shared_relative_uncertainty": report.shared,
-        "groups": [_group_facts(rates) for rates in report.groups],
-    }
+    """The report as one object of JSON types, with the names of the tables. Numbers that are not finite
+    become null."""
+    groups = [
+        {
+            **_group_row(group),
+            "verdict": None if group.slope is None else group.slope.sentence,
+            "in_common": group.in_common,
+            "shots": list(_shots(group)),
+            "remarks": group.remarks,
+        }
+        for group in report.groups
+    ]
+    said = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared, "groups": groups}
     return {key: jsonable(value, key) for key, value in said.items()}
-
-
-def _group_facts(group: GroupRates) -> dict[str, Any]:
-    p, line = group.pooled, group.slope
-    found: dict[str, Any] = {
-        "name": group.name,
-        "shots": [
-            {
-                "name": shot.name,
-                "strain_rate": shot.history.nominal_rate,
-                "true_strain_rate": shot.history.true_rate,
-                "m": shot.m,
-                "sigma": shot.sigma,
-                "sigma_own": shot.sigma_own,
-                "verdict": shot.verdict.value,
-                "counted": shot.counted,
-                "residual_over_expected": {c: shot.excess(c) for c in ("force", "outline")},
-                "phi_force": shot.found.terms.phi_force,
-                "phi_shape": shot.found.terms.phi_shape,
-            }
-            for shot in group.shots
-        ],
-        "remarks": group.remarks,
-    }
-    if p is not None:
-        found["mean"] = {
-            "value": p.mean,
-            "interval_95": p.interval,
-            "sigma": p.sigma,
-            "sigma_shared": p.sigma_common,
-            "scatter_between_shots": p.fit.between,
-            "two_standard_deviations": 2.0 * p.scatter,
-            "Q": p.fit.q,
-            "I_squared": p.fit.i_squared,
-            "prediction_95": p.prediction,
-        }
-        found["in_common"] = group.in_common
-    if line is not None:
-        found["slope"] = {
-            "verdict": line.verdict.value,
-            "sentence": line.sentence,
-            "reasons": line.reasons,
-            "span_decades": line.span,
-            **(
-                {}
-                if line.fit is None
-                else {
-                    "per_decade": line.fit.coefficients[1],
-                    "interval_95": line.fit.interval(1),
-                    "noticed_with_probability_0.9": line.fit.noticeable(1),
-                }
-            ),
-        }
-    if group.long_lever is not None:
-        found["from_quasi_static"] = vars(group.long_lever)
-    return found
 
 
 def rows(group: GroupRates, report: RateReport) -> dict[str, str]:

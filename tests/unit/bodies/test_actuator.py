@@ -28,8 +28,6 @@ from kolsky.bodies.actuator_control import (
 from kolsky.bodies.actuator_model import Actuator, Pneunet
 from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
 from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
-from kolsky.equilibrium.meshes import box
-from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.reduction import ReducedState
 from kolsky.equilibrium.solid import Isotropic, bulk
@@ -49,10 +47,6 @@ density = "1.02 g/cm^3"
 downward = [0.0, 0.0, -9.81]
 [healed]
 mu = "214 kPa"
-[motion]
-ramp = "20 ms"
-hold = "20 ms"
-step = "5 ms"
 [invert]
 angles = ["2 deg", "30 deg"]
 most = "0.6 bar"
@@ -70,7 +64,7 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
     spec.write_text(SPEC)
     run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "s", "--vtu", "--json")
-    for name in ("actuator.html", "bend.csv", "line.csv", "motion.csv", "downward.vtu"):
+    for name in ("actuator.html", "bend.csv", "line.csv", "downward.vtu"):
         assert (tmp_path / "s" / name).stat().st_size > 0, name
     bends = json.loads((tmp_path / "s" / "actuator.json").read_text())["bends"]["downward"]
     # softer by 214 / 218 alone: it bends more, by less than twice that
@@ -86,73 +80,9 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     assert (tmp_path / "c" / "downward.csv").read_text().startswith("time (s),")
 
 
-@pytest.mark.slow
-def test_chambers_touch_by_command(tmp_path: Path) -> None:
-    text = SPEC[: SPEC.index("[healed]")].replace('"0.2 bar", "0.4 bar"', '"0.1 bar", "0.3 bar"')
-    thin = 'element = "hex8"\nwall = "1.2 mm"\ngap = "0.3 mm"\ncell = "3 mm"\ninlet = "2 mm"'
-    spec = tmp_path / "touching.toml"
-    spec.write_text(text.replace('element = "hex8"', thin))
-    assert "declare [contact]" in run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "free").output
-    spec.write_text(spec.read_text() + "[contact]\n")
-    said = run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "t").output
-    assert "overlap" not in said
-    found = json.loads((tmp_path / "t" / "actuator.json").read_text())["bends"]["downward"]
-    free = json.loads((tmp_path / "free" / "actuator.json").read_text())["bends"]["downward"]
-    assert free["contact_force_N"] is None
-    assert found["contact_force_N"][1] > 0.01
-    assert found["angle_rad"][1] > 1.02 * free["angle_rad"][1]
-    assert "Contact of neighbouring chambers" in (tmp_path / "t" / "actuator.html").read_text()
-    assert "contact force (N)" in (tmp_path / "t" / "bend.csv").read_text()
-
-
-def _arch(path: Path) -> None:
-    """A shallow clamped arch, whose upper side is the cavity."""
-    span, rise = 100.0, 4.0
-    mesh = box((span, 5.0, 2.0), (8, 1, 1), kind="hex27")
-    top = mesh.nodes("front")
-    lift = rise * np.sin(np.pi * mesh.points[:, 0] / span) ** 2
-    points = mesh.points + np.column_stack([0.0 * lift, 0.0 * lift, lift])
-    cells = np.column_stack([np.full(len(mesh.cells), 27), mesh.cells]).ravel()
-    grid = pyvista.UnstructuredGrid(cells, np.full(len(mesh.cells), mesh.element.vtk), points)
-    x, z = mesh.points[:, 0], mesh.points[:, 2]
-    low = z < 1e-9
-    masks = {
-        "clamp": (x < 1e-9) | (x > span - 1e-9),
-        "origin": (x < 1e-9) & low,
-        "tip": (np.abs(x - 0.5 * span) < 1e-9) & low,
-        "cavity": np.isin(np.arange(len(x)), top),
-        "mirror": (mesh.points[:, 1] < 1e-9) | (mesh.points[:, 1] > 5.0 - 1e-9),
-    }
-    for name, mask in masks.items():
-        grid.point_data[f"set:{name}"] = mask.astype(np.uint8)
-    grid.save(path)
-
-
-@pytest.mark.slow
-def test_an_arch_snaps_by_command(tmp_path: Path) -> None:
-    _arch(tmp_path / "arch.vtu")
-    spec = tmp_path / "arch.toml"
-    text = SPEC[: SPEC.index("[healed]")].replace('"0.2 bar", "0.4 bar"', '"0.1 mbar", "2 mbar"')
-    geometry = 'mesh = "arch.vtu"\nmesh_unit = "mm"\n[material]'
-    text = text.replace("downward = [0.0, 0.0, -9.81]", "weightless = [0.0, 0.0, 0.0]")
-    head, tail = text.split("[geometry]")[0], text.split("[material]")[1]
-    spec.write_text(head + "[geometry]\n" + geometry + tail + '[path]\nfirst = "0.05 mbar"\n')
-    said = run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "a", "--figures", "png").output
-    assert "snaps there" in said
-    found = json.loads((tmp_path / "a" / "actuator.json").read_text())["bends"]["weightless"]
-    first, second = found["limit_pressures_Pa"]
-    # of the order of EI (2 pi / L)^4 rise = 30 Pa
-    assert second < first < 200.0
-    assert first > 10.0
-    # upright below the limit, hanging beyond it
-    assert found["angle_rad"][0] < 0.0 < found["angle_rad"][1]
-    path = np.genfromtxt(tmp_path / "a" / "path_weightless.csv", delimiter=",", names=True)
-    assert path["pressure_Pa"].max() >= 200.0
-
-
 def test_a_missing_table_is_named(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
-    spec.write_text(SPEC[: SPEC.index("[motion]")])
+    spec.write_text(SPEC[: SPEC.index("[invert]")])
     for command, table in (("invert", "invert"), ("control", "control")):
         result = run_kolsky("actuator", command, spec, "--out", tmp_path / "x", code=2)
         assert f"[{table}]" in result.output
@@ -217,7 +147,6 @@ def test_what_is_declared_is_used(tmp_path: Path) -> None:
         ({"[gravity]": f'[part.layer]\nheight = ["1 mm", "0 mm"]\n{STIFF}[gravity]'}, "has no cell"),
         ({"[gravity]": f"[part.layer]\n{STIFF}[gravity]"}, "part.layer.height"),
         ({"[gravity]": f"{TABLE}[gravity]"}, "lies 1 mm inside the actuator"),
-        ({"[gravity]": f'{TABLE.replace("1 mm", "-1 mm")}[path]\nfirst = "1 Pa"\n[gravity]'}, "not followed"),
         ({"[gravity]": '[blocked]\nset = "thumb"\n[gravity]'}, "no set 'thumb'"),
     ],
 )
@@ -306,21 +235,6 @@ def test_a_gmsh_file_names_its_points(tmp_path: Path) -> None:
     assert mesh.nodes("clamp").tolist() == [0, 2, 3]
     assert mesh.nodes("tip").tolist() == [1]
     assert mesh.nodes("origin").tolist() == [0]
-
-
-def test_contact_and_path_are_declared(tmp_path: Path) -> None:
-    path = _spec(tmp_path)
-    path.write_text(path.read_text() + '[contact]\ndepth = "20 um"\n[path]\nfirst = "0.02 bar"\n')
-    read = read_actuator(path)
-    assert read.actuator.contacts == (SelfContact("gap_1_left", "gap_1_right", depth=20e-6),)
-    assert read.declared.path is not None
-    assert read.declared.path.first == pytest.approx(2e3)
-    path.write_text(path.read_text().replace("chambers = 2", "chambers = 1"))
-    with pytest.raises(InputError, match="gap_1_left"):
-        read_actuator(path)
-    path.write_text(path.read_text().replace('"0.02 bar"', '"0 bar"'))
-    with pytest.raises(InputError, match=r"path\.first"):
-        read_actuator(path)
 
 
 def test_steps_pass_the_declared_pressures() -> None:

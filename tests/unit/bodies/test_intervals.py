@@ -10,7 +10,7 @@ from module_files import module_at
 from scipy.stats import chi2, t
 
 from kolsky.bodies.actuator_bending import Direction, relative_bend, warnings_of
-from kolsky.bodies.actuator_model import Pneunet, Touching, smallest_gap
+from kolsky.bodies.actuator_model import Pneunet, smallest_gap
 from kolsky.bodies.errors_in_variables import (
     Linearised,
     Reduced,
@@ -21,8 +21,6 @@ from kolsky.bodies.errors_in_variables import (
     search,
 )
 from kolsky.bodies.specimen_fit import ConstantVerdict, intervals
-from kolsky.equilibrium.arc_length import ArcPath
-from kolsky.equilibrium.solution import Outcome
 from kolsky.material.fits.fit import inflation, neighbour_correlation
 
 FREE = (np.array([0.0, 0.0]), np.array([np.inf, np.inf]))
@@ -230,23 +228,6 @@ def test_overlap_is_warned_of_and_its_absence_not() -> None:
     bad = Direction("down", run, None, np.array([0]), np.array([-1e-4]))  # type: ignore[arg-type]
     assert "0.4 bar" in warnings_of([bad])[0]
     assert warnings_of([replace(bad, gap=np.array([1e-4]))]) == []
-
-
-def test_contact_allows_facing_points_a_tenth_of_the_gap() -> None:
-    run = _moved(0.0)
-    gap = np.array([2e-3, 1e-3, -1.9e-4, -2.1e-4])
-    one = Direction("down", run, None, np.array([0]), gap)  # type: ignore[arg-type]
-    assert one.overlapping.tolist() == [False, False, True, True]
-    touching = Touching(np.zeros(4), np.zeros(4))
-    assert replace(one, touching=touching).overlapping.tolist() == [False, False, False, True]
-
-
-def test_a_limit_point_is_warned_of() -> None:
-    arc = np.array([0.0, 1.0, 2.0])
-    model, moved = _moved(0.0).solution.model, np.zeros((3, 1, 3))
-    path = ArcPath(model, 5e4 * arc * (2.0 - arc), moved, arc, Outcome.UNFINISHED)  # 5e4 at 1
-    one = Direction("down", _moved(0.0), None, np.array([0]), np.zeros(3), path)  # type: ignore[arg-type]
-    assert "limit point at 0.5 bar" in warnings_of([one])[0]
 
 
 def test_effect_of_healing_is_that_on_the_bend_from_rest() -> None:

@@ -57,7 +57,7 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     assert "mu" in page
     assert "Correlations" not in page  # one constant has none
     names = {path.name for path in (tmp_path / "fit").rglob("*") if path.is_file()}
-    assert {"forces.csv", "constants.csv", "specimen.h5", "pull_tension.csv", "pull_shot.toml"} <= names
+    assert {"forces.csv", "constants.csv", "pull_tension.csv", "pull_shot.toml"} <= names
     run_kolsky("specimen", "plan", truth, "--out", tmp_path / "plan", "--json")
     told = json.loads((tmp_path / "plan" / "plan.json").read_text())
     sigmas = {tuple(one["tests"]): one["relative_sigma"]["mu"] for one in told["choices"]}
@@ -70,13 +70,12 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
 def test_sheet(tmp_path: Path) -> None:
     _field_folder(tmp_path)
     run_kolsky(
-        "specimen", "fit", tmp_path / "sheet.toml", "--out", tmp_path / "fit", "--steps-alone", "--map",
-        "2x2", "--vtu", "--json",
+        "specimen", "fit", tmp_path / "sheet.toml", "--out", tmp_path / "fit", "--steps-alone", "--vtu",
+        "--json",
     )  # fmt: skip
     said = json.loads((tmp_path / "fit" / "specimen.json").read_text())
     assert said["kinematics"] == "plane_stress"
     assert len(said["steps"]) == 2
-    assert (tmp_path / "fit" / "map.csv").read_text().count("\n") == 5
     assert "Sutula" in (tmp_path / "fit" / "specimen.html").read_text()
 
 

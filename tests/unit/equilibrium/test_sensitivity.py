@@ -1,4 +1,4 @@
-"""Derivatives of equilibria against differences of whole solutions, and the adjoint against them."""
+"""Derivatives of equilibria against differences of whole solutions."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,9 @@ import pytest
 from explicit.materials import LAWS
 from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, Pressure, RigidSurface
+from kolsky.equilibrium.model import Fixed, Gravity, Model, Pressure, RigidSurface, Traction
 from kolsky.equilibrium.reduction import ReducedModel, Sample, choose, decompose, reduce
-from kolsky.equilibrium.sensitivity import adjoint, direct, second
+from kolsky.equilibrium.sensitivity import direct, second
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import solve
 from tests.unit.equilibrium.models import MOONEY, PULL, TIGHT, clamped, sliding
@@ -39,7 +39,7 @@ CASES = {
         sliding(kinematics="plane_strain", extra=(Pressure("top", "p"),), volumetric="mixed"),
         {"p": [3e3]},
     ),
-    "coupled force": (sliding(extra=(Coupled("right", 0, "f"),)), {"f": [5e3, 1e4]}),
+    "traction": (sliding(extra=(Traction("right", 0, "f"),)), {"f": [5e3, 1e4]}),
 }
 SLOW_CASES = {
     "3d, mixed": (clamped("hex8", "3d", volumetric="mixed"), PULL),
@@ -76,22 +76,8 @@ def test_direct_is_the_difference_elsewhere(case):
     compared(*SLOW_CASES[case])
 
 
-@pytest.mark.parametrize("case", ["plane strain, mixed", "two regions", "follower pressure"])
-def test_the_adjoint_is_the_direct_one(case):
-    model, steps = CASES[case]
-    solution = solve(model, steps, newton=TIGHT)
-    rng = np.random.default_rng(3)
-    by_u, by_f = rng.normal(size=(2, *solution.displacements.shape))
-    all_of = direct(solution)
-    expected = np.einsum("spnd,snd->p", all_of.displacements, by_u)
-    expected += np.einsum("spnd,snd->p", all_of.forces, by_f)
-    found = adjoint(solution, by_u, by_f)
-    assert found.shape == solution.parameters.shape
-    np.testing.assert_allclose(found.ravel(), expected, rtol=1e-8)
-
-
 def test_derivatives_by_a_force_and_a_displacement():
-    model, _ = CASES["coupled force"]
+    model, _ = CASES["traction"]
     h = 1.0
     at, above, below = (solve(model, {"f": [8e3 + dh]}, newton=TIGHT) for dh in (0.0, h, -h))
     found = direct(at, histories=("f",)).mean_displacement("right")[0, -1, 0]
@@ -128,7 +114,7 @@ def test_second_derivatives_are_differences_of_the_first(case):
 
 
 def test_what_second_derivatives_refuse():
-    model, steps = CASES["coupled force"]
+    model, steps = CASES["traction"]
     with pytest.raises(ValueError, match="without histories"):
         second(direct(solve(model, steps), histories=("f",)))
     model, steps = SLOW_CASES["contact"]

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from math import exp, inf, log
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,20 +9,15 @@ import pytest
 
 from explicit.materials import LAWS, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
-from kolsky import joint_identification
-from kolsky.cli.material_curves import _joint_comparison
 from kolsky.material.relaxation.rate_fit import DynamicTest, HistoryTest, RateModel, required_branches
-from kolsky.studies import rate_models
 from kolsky.studies.rate_models import (
     CURVE,
     NETWORK,
     Candidate,
     ModelComparison,
-    compare_joint,
     compare_slow,
     comparison_table,
     fit_curve,
-    joint_models,
 )
 
 LAW = neo_hookean(20e3)
@@ -163,48 +156,3 @@ def test_an_oscillation_leaves_the_network_out() -> None:
     found = compare_slow(LAW, (shaken,), required_branches(LAW, [shaken], at_most=1).fits)
     assert NETWORK not in [one.name for one in found.candidates]
     assert "dma" in found.left_out[NETWORK]
-    assert [name for name, _, _ in joint_models((shaken,), 2)] == ["prony", "prony:2"]
-    assert [name for name, _, _ in joint_models(histories(PRONY, 1), 1)] == ["prony", NETWORK]
-
-
-def joint(aic: float, bic: float, more: int, *, asked: bool = True) -> Any:
-    choice = SimpleNamespace(aic=aic, bic=bic, elastic={"m": 1.1}, asked_for=asked, sentence="by the mesh")
-    estimates = {f"p{k}": SimpleNamespace(value=1.0) for k in range(1 + more)}
-    return SimpleNamespace(choice=choice, estimates=estimates)
-
-
-def test_joint_results_share_the_elastic_model() -> None:
-    """Two more parameters and 100 values: a gain of 30 is an AIC of -26 and a BIC of 2 ln 100 - 30."""
-    one = joint(-26.0, 2.0 * log(100.0) - 30.0, 2)
-    two = joint(-23.0, 4.0 * log(100.0) - 31.0, 4)
-    found = compare_joint({"prony": one, "prony:2": two})
-    assert found.n_data == 100
-    assert [one.deviance for one in found.candidates] == pytest.approx([0.0, -30.0, -31.0])
-    assert found.chosen is not None
-    assert found.chosen.name == "prony"
-    weak = compare_joint({"prony": joint(-26.0, 2.0 * log(100.0) - 30.0, 2, asked=False)})
-    assert weak.chosen is None
-    assert "by the mesh" in weak.sentence
-    elastic = compare_joint({"prony": joint(3.0, 2.0 * log(100.0) - 1.0, 2, asked=False)})
-    assert elastic.chosen is not None
-    assert elastic.chosen.name == "elastic"
-    with pytest.raises(ValueError, match="different values"):
-        compare_joint({"prony": one, "prony:2": joint(-23.0, 4.0 * log(90.0) - 31.0, 4)})
-    with pytest.raises(ValueError, match="did not compare"):
-        compare_joint({"prony": SimpleNamespace(choice=None, estimates={})})
-
-
-def test_models_of_shots_share_their_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every model is compared with the elastic one, whose runs the ledger then already has."""
-    asked: list[Any] = []
-
-    def identify_shots(shots: Any, settings: Any, **more: Any) -> None:
-        asked.append(more)
-
-    monkeypatch.setattr(joint_identification, "identify_shots", identify_shots)
-    monkeypatch.setattr(rate_models, "compare_joint", lambda found: list(found))
-    runs = Path(__file__).resolve().parents[3] / "runs"
-    names: Any = _joint_comparison(runs / "relaxation" / "slow.toml", [runs / "open-01"], 2, tmp_path / "out")
-    assert names[:2] == ["prony", "prony:2"]
-    assert {more["ledger"] for more in asked} == {tmp_path / "out" / "joint.sqlite"}
-    assert len(asked) == len(names)

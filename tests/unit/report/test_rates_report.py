@@ -217,9 +217,9 @@ def test_csv_holds_the_tables(report, tmp_path):
 
 def test_the_summary_is_json(hostile):
     said = json.loads(json.dumps(summary(hostile), allow_nan=False))
-    assert [group["name"] for group in said["groups"]] == ["<b>a</b>", "z & co"]
-    assert said["groups"][0]["slope"]["verdict"].startswith("rate sensitive")
-    assert "mean" not in said["groups"][1]
+    assert [group["group"] for group in said["groups"]] == ["<b>a</b>", "z & co"]
+    assert said["groups"][0]["verdict"].startswith("rate sensitive")
+    assert said["groups"][1]["mean m (1)"] is None
 
 
 # The page
