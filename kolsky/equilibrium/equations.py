@@ -11,7 +11,7 @@ from explicit.arrays import FloatArray
 from kolsky.equilibrium.body import Body, BodyState
 from kolsky.equilibrium.linear.base import Factors
 from kolsky.equilibrium.linear.solvers import LinearSolver, linear_solver
-from kolsky.equilibrium.loads import FollowerPressure, RigidContact, tractions, weight
+from kolsky.equilibrium.loads import FollowerPressure, RigidContact, nodal_forces, weight
 from kolsky.equilibrium.model import Model, Pressure, RigidSurface
 
 
@@ -175,7 +175,7 @@ class Equations:
 
     def external_change(self, state: State, at: dict[str, float]) -> FloatArray:
         """Change of the loads with the histories at fixed displacements [N], in the unknowns."""
-        loads = tractions(self.model, at) - tractions(self.model, state.at)
+        loads = nodal_forces(self.model, at) - nodal_forces(self.model, state.at)
         return self.reduced(loads + self.carried_change(state, at))
 
     def carried_change(self, state: State, at: dict[str, float]) -> FloatArray:
@@ -191,7 +191,7 @@ class Equations:
     def _external(
         self, u: FloatArray, at: dict[str, float], multipliers: tuple[FloatArray, ...], carried: FloatArray
     ) -> FloatArray:
-        total = carried + tractions(self.model, at)
+        total = carried + nodal_forces(self.model, at)
         for contact, pushed in zip(self.contacts, multipliers, strict=True):
             place = contact.place(u, at)
             total = total + contact.forces(place, contact.pushes(place, pushed))

@@ -26,7 +26,7 @@ import numpy as np
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.elements import Face
 from kolsky.equilibrium.meshes import Mesh
-from kolsky.equilibrium.model import Gravity, Model, RigidSurface, Traction, unit
+from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidSurface, Traction, unit
 from kolsky.equilibrium.points import Geometry
 
 CONTACT_STIFFNESS = 500.0
@@ -207,13 +207,19 @@ def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatAr
     return total.reshape(-1)
 
 
-def tractions(model: Model, at: Mapping[str, float]) -> FloatArray:
-    """Forces of the dead loads on faces [N], shape [n d]."""
+def nodal_forces(model: Model, at: Mapping[str, float]) -> FloatArray:
+    """Forces on points, on coupled points and on faces [N], shape [n d]."""
     total = np.zeros(model.mesh.points.shape)
     for condition in model.conditions:
-        if isinstance(condition, Traction):
+        if isinstance(condition, NodalForce):
+            nodes = model.mesh.nodes(condition.where)
+            total[nodes, condition.axis] += at[condition.history] / len(nodes)
+        elif isinstance(condition, Traction):
             total[:, condition.axis] += at[condition.history] * areas(model, condition.where)
-    return total.reshape(-1)
+    flat = total.reshape(-1)
+    for component, name in model.unknowns.forces:
+        flat[component] += at[name]
+    return flat
 
 
 def sizes(tangents: FloatArray) -> FloatArray:

@@ -37,6 +37,28 @@ class Prescribed:
 
 
 @dataclass(frozen=True)
+class Coupled:
+    """Points that move together along an axis (a rigid sliding interface), with or without a force. This is
+    the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown."""
+
+    where: str
+    axis: int
+    """The component that the points have in common."""
+    force: str | None = None
+    """Name of the history of the force on them [N]; None: no force."""
+
+
+@dataclass(frozen=True)
+class NodalForce:
+    """A dead force, distributed equally over the points of a set."""
+
+    where: str
+    axis: int
+    history: str
+    """Name of the history [N]."""
+
+
+@dataclass(frozen=True)
 class Traction:
     """A dead load per undeformed area on the faces that have all points in a set."""
 
@@ -90,15 +112,15 @@ class RigidSurface:
     """Largest depth, as a share of the mesh's size [-]."""
 
 
-Load = Traction | Gravity | Pressure
-Condition = Fixed | Prescribed | RigidSurface | Load
+Load = NodalForce | Traction | Gravity | Pressure
+Condition = Fixed | Prescribed | Coupled | RigidSurface | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
     """Names of the histories of the conditions, in their order, without duplicates."""
     names: list[str] = []
     for condition in conditions:
-        name = getattr(condition, "history", None)
+        name = condition.force if isinstance(condition, Coupled) else getattr(condition, "history", None)
         if name is not None and name not in names:
             names.append(name)
     return tuple(names)
@@ -250,15 +272,18 @@ class Unknowns:
     count: int
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of the prescribed displacements."""
+    forces: tuple[tuple[int, str], ...]
+    """Component of a point, and history, of the forces on coupled points."""
 
 
 def _number_unknowns(model: Model) -> Unknowns:
     """Number the unknowns of a model."""
     d = model.dimension
     owner = np.full(model.n_dofs, -1)
-    prescribed = []
+    master = np.arange(model.n_dofs)
+    prescribed, forces = [], []
     for number, condition in enumerate(model.conditions):
-        if not isinstance(condition, Fixed | Prescribed):
+        if not isinstance(condition, Fixed | Prescribed | Coupled):
             continue
         nodes = model.mesh.nodes(condition.where)
         axes = (
@@ -282,7 +307,13 @@ def _number_unknowns(model: Model) -> Unknowns:
             if isinstance(condition, Prescribed):
                 factor = np.broadcast_to(np.asarray(condition.factor, dtype=float), dofs.shape).copy()
                 prescribed.append((dofs, condition.history, factor))
+            elif isinstance(condition, Coupled):
+                master[dofs] = dofs[0]
+                if condition.force is not None:
+                    forces.append((int(dofs[0]), condition.force))
+    held = np.array([k >= 0 and not isinstance(model.conditions[k], Coupled) for k in owner], dtype=bool)
     index = np.full(model.n_dofs, -1)
-    free = np.flatnonzero(owner < 0)
+    free = np.flatnonzero(~held & (master == np.arange(model.n_dofs)))
     index[free] = np.arange(len(free))
-    return Unknowns(index, len(free), tuple(prescribed))
+    index[~held] = index[master[~held]]
+    return Unknowns(index, len(free), tuple(prescribed), tuple(forces))

@@ -28,7 +28,16 @@ import numpy as np
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import Mesh, components
-from kolsky.equilibrium.model import Gravity, Model, Prescribed, Pressure, RigidSurface, Traction
+from kolsky.equilibrium.model import (
+    Coupled,
+    Gravity,
+    Model,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidSurface,
+    Traction,
+)
 from kolsky.equilibrium.points import Points
 from kolsky.equilibrium.solution import Outcome
 
@@ -267,7 +276,11 @@ def _polynomial(
 
 
 def _checked(model: Model) -> None:
-    wrong = [c for c in model.conditions if isinstance(c, Prescribed | Traction | RigidSurface)]
+    wrong = [
+        c
+        for c in model.conditions
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidSurface)
+    ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")
     if model.volumetric != "displacement":

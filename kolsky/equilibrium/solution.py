@@ -54,7 +54,7 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Forces of supports, grips, rigid surfaces and tractions on the points [N], shape [n_steps, n, d].
+    """Forces of supports, grips, rigid surfaces and nodal loads on the points [N], shape [n_steps, n, d].
     They are internal forces minus weight and pressure."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""

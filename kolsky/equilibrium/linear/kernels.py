@@ -28,6 +28,8 @@ ELEMENT = """
         auto* under = j < p ? F21 + (long long)j * q : F22 + (long long)(j - p) * q;
         for (int a = first; a < own; ++a) upper[at[a]] += column[take[a]];
         for (int a = middle; a < free; ++a) under[at[a]] += column[take[a]];
+        if (lower)  // two components of one unknown: both entries
+            for (int a = b + 1; a < free && at[a] == j; ++a) (j < p ? upper : under)[j] += column[take[a]];
     }
 """
 """Adds the matrix of a cell, with its components in the order of their positions."""

@@ -9,7 +9,17 @@ from scipy.optimize import brentq
 from explicit.materials import LAWS
 from kolsky.equilibrium.elements import ELEMENTS
 from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone, rectangle
-from kolsky.equilibrium.model import Fixed, Gravity, Model, Prescribed, Pressure, RigidSurface, Traction
+from kolsky.equilibrium.model import (
+    Coupled,
+    Fixed,
+    Gravity,
+    Model,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidSurface,
+    Traction,
+)
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
 from kolsky.equilibrium.solve import solve
 from tests.unit.equilibrium.models import MOONEY, TIGHT, sliding
@@ -41,14 +51,21 @@ def test_uniaxial_tension(kind, kinematics):
         assert found.mean_displacement("top")[step, 1] == pytest.approx(lateral - 1.0, rel=1e-10)
 
 
-def test_a_traction_gives_the_stretch_of_its_stress():
+def test_a_coupled_force_gives_the_stretch_of_its_stress():
     stress, lateral = uniaxial(COUPLED, 1.7)
+    model = sliding("quad9", "plane_stress", (Coupled("right", 0, "f"),), solid=COUPLED, thickness=2.0)
+    found = solve(model, {"f": [2.0 * stress]}, newton=TIGHT)
+    assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)
+    assert np.ptp(found.displacements[0, model.mesh.nodes("right"), 0]) == 0.0
+    assert found.mean_displacement("top")[0, 1] == pytest.approx(lateral - 1.0, rel=1e-10)
     spread = sliding("quad9", "plane_stress", (Traction("right", 0, "t"),), solid=COUPLED, thickness=2.0)
     found = solve(spread, {"t": [stress]}, newton=TIGHT)
-    assert found.mean_displacement("top")[0, 1] == pytest.approx(lateral - 1.0, rel=1e-10)
-    assert np.ptp(found.displacements[0, spread.mesh.nodes("right"), 0]) < 1e-12
+    assert np.ptp(found.displacements[0, model.mesh.nodes("right"), 0]) < 1e-12
     assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)
     assert found.reaction("right")[0, 0] == pytest.approx(2.0 * stress, rel=1e-10)
+    dead = sliding("quad4", "plane_stress", (NodalForce("right", 0, "f"),), solid=COUPLED, thickness=2.0)
+    found = solve(dead, {"f": [2.0 * stress]}, newton=TIGHT)  # equal shares are those of a linear edge
+    assert found.mean_displacement("right")[0, 0] == pytest.approx(0.7, rel=1e-10)
 
 
 def test_weight_is_what_the_support_carries():
@@ -94,7 +111,7 @@ def test_a_rigid_plane_is_a_prescribed_face():
 
 def test_a_plane_that_is_not_reached_does_nothing():
     plane = RigidSurface("right", (-1.0, 0.0), (2.0, 0.0), "push")
-    model = sliding(extra=(plane, Traction("top", 1, "f")), solid=COUPLED)
+    model = sliding(extra=(plane, Coupled("top", 1, "f")), solid=COUPLED)
     found = solve(model, {"push": [0.2], "f": [1e3]})
     assert (found.contact_forces[0] == 0.0).all()
     assert found.mean_displacement("right")[0, 0] < 0.0

@@ -6,7 +6,7 @@ import pytest
 from explicit.materials import LAWS
 from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Fixed, Gravity, Model, Pressure, RigidSurface, Traction
+from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, Pressure, RigidSurface
 from kolsky.equilibrium.reduction import ReducedModel, Sample, choose, decompose, reduce
 from kolsky.equilibrium.sensitivity import direct, second
 from kolsky.equilibrium.solid import Isotropic, bulk
@@ -39,7 +39,7 @@ CASES = {
         sliding(kinematics="plane_strain", extra=(Pressure("top", "p"),), volumetric="mixed"),
         {"p": [3e3]},
     ),
-    "traction": (sliding(extra=(Traction("right", 0, "f"),)), {"f": [5e3, 1e4]}),
+    "coupled force": (sliding(extra=(Coupled("right", 0, "f"),)), {"f": [5e3, 1e4]}),
 }
 SLOW_CASES = {
     "3d, mixed": (clamped("hex8", "3d", volumetric="mixed"), PULL),
@@ -77,7 +77,7 @@ def test_direct_is_the_difference_elsewhere(case):
 
 
 def test_derivatives_by_a_force_and_a_displacement():
-    model, _ = CASES["traction"]
+    model, _ = CASES["coupled force"]
     h = 1.0
     at, above, below = (solve(model, {"f": [8e3 + dh]}, newton=TIGHT) for dh in (0.0, h, -h))
     found = direct(at, histories=("f",)).mean_displacement("right")[0, -1, 0]
@@ -114,7 +114,7 @@ def test_second_derivatives_are_differences_of_the_first(case):
 
 
 def test_what_second_derivatives_refuse():
-    model, steps = CASES["traction"]
+    model, steps = CASES["coupled force"]
     with pytest.raises(ValueError, match="without histories"):
         second(direct(solve(model, steps), histories=("f",)))
     model, steps = SLOW_CASES["contact"]

@@ -14,7 +14,7 @@ from explicit.materials import LAWS
 from kolsky.equilibrium.linear.base import Pattern, SingularError
 from kolsky.equilibrium.linear.solvers import MultifrontalSolver, MultigridSolver, linear_solver
 from kolsky.equilibrium.meshes import box, rectangle
-from kolsky.equilibrium.model import Fixed, Model, Prescribed, Pressure, RigidSurface, Traction
+from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidSurface
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
 from kolsky.equilibrium.solution import Outcome
 from kolsky.equilibrium.solve import PAIRS, Newton, QuasiNewtonTangent, continued, solve
@@ -55,7 +55,7 @@ def test_a_crushed_body_says_where_it_stopped():
 
 def test_a_body_that_is_not_held_is_singular():
     model = sliding(extra=())
-    loose = replace(model, conditions=(Fixed("left", (0,)), Traction("right", 0, "f")))
+    loose = replace(model, conditions=(Fixed("left", (0,)), Coupled("right", 0, "f")))
     assert solve(loose, {"f": [1e3]}).outcome is Outcome.SINGULAR
 
 
@@ -96,7 +96,7 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: solve(clamped()), "must have the histories"),
         (lambda: solve(clamped(), {"pull": [0.1], "push": [0.1]}), "must have the histories"),
         (lambda: solve(clamped(), {"pull": [np.nan]}), "finite"),
-        (lambda: solve(sliding(extra=(Traction("right", 0, "f"), Pressure("top", "p"))),
+        (lambda: solve(sliding(extra=(Coupled("right", 0, "f"), Pressure("top", "p"))),
          {"f": [1], "p": [1, 2]}), "one number of steps"),
         (lambda: sliding(extra=(Fixed("right", (7,)),)).unknowns, "axis of"),
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
@@ -232,9 +232,12 @@ LINEAR_MESH = box((3.0, 2.0, 1.0), (6, 4, 2), kind="hex8")
 DOFS = (LINEAR_MESH.cells[..., None] * 3 + np.arange(3)).reshape(len(LINEAR_MESH.cells), -1)
 
 
-def pattern() -> Pattern:
-    """Unknowns of a box held at one end."""
+def pattern(coupled: bool = False) -> Pattern:
+    """Unknowns of a box held at one end; `coupled`: its other end is one unknown along x."""
     index = np.arange(LINEAR_MESH.points.size)
+    if coupled:
+        right = 3 * LINEAR_MESH.nodes("right")
+        index[right] = right[0]
     index[(3 * LINEAR_MESH.nodes("left")[:, None] + np.arange(3)).ravel()] = -1
     kept = np.unique(index[index >= 0])
     index[index >= 0] = np.searchsorted(kept, index[index >= 0])
@@ -251,12 +254,13 @@ def elements(kind: str):
     return A + 8.0 * np.eye(24)
 
 
+@pytest.mark.parametrize("coupled", [False, True])
 @pytest.mark.parametrize("kind", ["definite", "indefinite", "not symmetric"])
-def test_against_a_dense_solver(kind, monkeypatch):
+def test_against_a_dense_solver(kind, coupled, monkeypatch):
     monkeypatch.setattr(
         "kolsky.equilibrium.linear.multifrontal.LEAF_COMPONENTS", 60
     )  # several levels of fronts
-    places, K = pattern(), elements(kind)
+    places, K = pattern(coupled), elements(kind)
     dense = np.zeros((places.count, places.count))
     for local, block in zip(places.index[DOFS], K, strict=True):
         free = local >= 0
