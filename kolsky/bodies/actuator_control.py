@@ -108,8 +108,8 @@ def reduce_actuator(
     """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
-    if actuator.world:
-        raise ValueError("the reduced model has no contact: remove [plane] and [blocked]")
+    if actuator.contacts or actuator.world:
+        raise ValueError("the reduced model has no contact: remove [contact], [plane] and [blocked]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
     reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]

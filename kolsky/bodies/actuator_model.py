@@ -33,11 +33,21 @@ import numpy as np
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.equilibrium.loads import faces_on
 from kolsky.equilibrium.meshes import Mesh, grid
-from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Pressure, RigidSurface, unit
+from kolsky.equilibrium.model import (
+    Condition,
+    Fixed,
+    Gravity,
+    Model,
+    Pressure,
+    RigidSurface,
+    SelfContact,
+    unit,
+)
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
 from kolsky.equilibrium.solve import Newton, solve
+from kolsky.equilibrium.surface_contact import surface_contacts
 
 
 @dataclass(frozen=True)
@@ -71,6 +81,8 @@ class Actuator:
     mixed: bool = False
     """True if volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
+    contacts: tuple[SelfContact, ...] = ()
+    """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
     """Parts of other materials. A cell in two parts belongs to the later part."""
     world: tuple[Fixed | RigidSurface, ...] = ()
@@ -115,7 +127,7 @@ class Actuator:
             conditions.append(Fixed("mirror", (1,)))
         conditions.append(Gravity(self.density_of_regions, g, WEIGHT))
         conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
-        conditions += self.world
+        conditions += [*self.contacts, *self.world]
         return Model(
             self.mesh, self.solid, tuple(conditions), volumetric="mixed" if self.mixed else "displacement",
             regions=self.regions, others=tuple(part.solid for part in self.parts), device=self.device,
@@ -403,3 +415,28 @@ def forces_outside(run: Bending) -> dict[str, FloatArray]:
             continue
         found[condition.where] = (force * np.array([2.0, 0.0, 2.0]) if half else force) + 0.0  # no -0
     return found
+
+
+@dataclass(frozen=True)
+class Touching:
+    """Contact of neighbouring chambers over a history."""
+
+    force: FloatArray
+    """Sum of the pressures between all walls over their area [N], shape [n]. It is that of the whole
+    actuator."""
+    depth: FloatArray
+    """Largest penetration, caused by the penalty method [m], shape [n]."""
+
+
+def touching(run: Bending) -> Touching | None:
+    """Contact forces and depths of equilibria; None for a model without contact."""
+    model = run.solution.model
+    contacts = surface_contacts(model)
+    if not contacts:
+        return None
+    share = 2.0 if "mirror" in model.mesh.sets else 1.0
+    each = [u.reshape(-1) for u in run.solution.displacements]
+    return Touching(
+        np.array([share * sum(one.force(u) for one in contacts) for u in each]),
+        np.array([max(one.deepest(u) for one in contacts) for u in each]),
+    )

@@ -55,12 +55,17 @@ def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
     healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
     slopes = run.slopes()
     for k, angle in enumerate(run.angle):
+        contact = {}
+        if one.touching is not None:
+            contact["contact force (N)"] = float(one.touching.force[k])
+            contact["contact depth (m)"] = float(one.touching.depth[k])
         yield {
             "gravity": one.name,
             **{f"pressure {j} (Pa)": float(p) for j, p in enumerate(run.pressures[k], start=1)},
             "angle (rad)": float(angle),
             "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
             "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
+            **contact,
             **{f"slope {j} (rad/Pa)": float(x) for j, x in enumerate(slopes[k], start=1)},
         }
 
@@ -91,6 +96,8 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
             "pressure_Pa": run.pressures[one.asked],
             "angle_rad": run.angle[one.asked],
             "slope_rad_per_Pa": run.slopes()[one.asked],
+            "contact_force_N": None if one.touching is None else one.touching.force[one.asked],
+            "contact_depth_m": None if one.touching is None else one.touching.depth[one.asked],
             "outside_force_N": {name: each[one.asked] for name, each in one.forces.items()},
             "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
             "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),

@@ -1,7 +1,7 @@
 """SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures from them."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import count, pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
 from kolsky.bodies.specimen_reading import read_body, read_constants
 from kolsky.equilibrium.loads import rim
 from kolsky.equilibrium.meshes import Mesh
-from kolsky.equilibrium.model import Fixed, RigidSurface, unit
+from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
@@ -109,6 +109,13 @@ class BlockedSection(Section):
     axes: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1, max_length=3)] = ("z",)
 
 
+class ContactSection(Section):
+    """[contact]: neighbouring chambers touch, by a penalty."""
+
+    penalty: Annotated[float, Field(gt=0.0, le=1e6)] = 500.0
+    depth: f.Length | None = None
+
+
 class InvertSection(Section):
     """[invert]: the target bend, and the largest pressure."""
 
@@ -161,6 +168,7 @@ class ActuatorFile(Section):
     part: dict[str, PartSection] = Field(default_factory=dict)
     plane: dict[str, PlaneSection] = Field(default_factory=dict)
     blocked: BlockedSection | None = None
+    contact: ContactSection | None = None
     invert: InvertSection | None = None
     control: ControlSection | None = None
     markers: MarkersSection | None = None
@@ -253,7 +261,14 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         healed = _solid(toml, "healed", law, changed, key="healed")
     parts = tuple(_part(toml, declared, name, mesh, shape) for name in declared.part)
     mesh, world = _world(toml, declared, mesh, cavities)
-    actuator = Actuator(mesh, cavities, solid, section.density, section.mixed, device, parts, world)
+    contacts = _contacts_of(mesh, declared.contact)
+    if declared.contact is not None and not contacts:
+        raise toml.error(
+            "contact",
+            'needs the walls that may touch, the sets "gap_1_left" and "gap_1_right" and so on of the mesh',
+            cure="name them, take two chambers or more, or remove [contact]",
+        )
+    actuator = Actuator(mesh, cavities, solid, section.density, section.mixed, device, contacts, parts, world)
     for name, g in declared.gravity.items():
         with toml.refusing(f"gravity.{name}", "cannot be used"):
             actuator.model(g)
@@ -363,6 +378,15 @@ def _pneunet_of(declared: ActuatorFile) -> Pneunet:
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
     return Pneunet(**sizes, heights=heights)
+
+
+def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
+    """The contacts of the walls at the gaps of a mesh; empty without a section."""
+    if section is None:
+        return ()
+    gaps = takewhile(lambda n: f"gap_{n}_left" in mesh.sets, count(1))
+    penalty, depth = section.penalty, section.depth
+    return tuple(SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=penalty, depth=depth) for n in gaps)
 
 
 def volume_reading(d1: Any) -> float:

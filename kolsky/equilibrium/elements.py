@@ -72,6 +72,10 @@ class Face:
     tangents: tuple[tuple[float, ...], ...]
     """One tangent for each coordinate s of the face [-], shape [d - 1, d]."""
 
+    def coordinates(self, xi: FloatArray) -> FloatArray:
+        """The coordinates s of points of the face [-], shape [n, d - 1]."""
+        return (xi - np.asarray(self.origin)) @ np.linalg.pinv(np.asarray(self.tangents))
+
 
 @dataclass(frozen=True, eq=False)
 class Element:
@@ -124,6 +128,21 @@ class Element:
             monomials = self.exponents[:, j] * (points[:, None, :] ** lowered[None]).prod(axis=-1)
             columns.append(monomials @ self.coefficients)
         return np.stack(columns, axis=-1)
+
+    def curvatures(self, points: FloatArray) -> FloatArray:
+        """Their second derivatives d2N_a/dxi_i dxi_j at points of shape [g, d], shape [g, k, d, d]."""
+        points = np.asarray(points, dtype=float)
+        found = np.empty((len(points), self.n_nodes, self.dimension, self.dimension))
+        for i in range(self.dimension):
+            factor = self.exponents[:, i]
+            once = self.exponents.copy()
+            once[:, i] = np.maximum(once[:, i] - 1, 0)
+            for j in range(self.dimension):
+                twice = once.copy()
+                twice[:, j] = np.maximum(twice[:, j] - 1, 0)
+                monomials = factor * once[:, j] * (points[:, None, :] ** twice[None]).prod(axis=-1)
+                found[:, :, i, j] = monomials @ self.coefficients
+        return found
 
     def rule(self, gauss: int) -> tuple[FloatArray, FloatArray]:
         """Gauss points [g, d] and weights [g] with `gauss` points in each direction."""

@@ -10,9 +10,10 @@ import numpy as np
 from explicit.arrays import FloatArray
 from kolsky.equilibrium.body import Body, BodyState
 from kolsky.equilibrium.linear.base import Factors
-from kolsky.equilibrium.linear.solvers import LinearSolver, linear_solver
+from kolsky.equilibrium.linear.solvers import BridgedSolver, LinearSolver, linear_solver
 from kolsky.equilibrium.loads import FollowerPressure, RigidContact, nodal_forces, weight
 from kolsky.equilibrium.model import Model, Pressure, RigidSurface
+from kolsky.equilibrium.surface_contact import surface_contacts
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,10 @@ class Equations:
             (c.history, FollowerPressure(model, c.where)) for c in model.conditions if isinstance(c, Pressure)
         ]
         self.contacts = [RigidContact(model, c) for c in model.conditions if isinstance(c, RigidSurface)]
+        self.surfaces = surface_contacts(model)
         self.symmetric = not self.pressures
         self.linear = linear
-        self.smooth = not self.contacts
+        self.smooth = not (self.contacts or self.surfaces)
         """True if a tangent is valid for neighbouring states. With changing contact it is not valid."""
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
@@ -69,6 +71,11 @@ class Equations:
         """The linear solver, created at first use. Forces are evaluated without it."""
         mesh = self.model.mesh
         return linear_solver(self.linear, self.body.pattern, mesh.points, mesh.cells)
+
+    @cached_property
+    def _bridged(self) -> BridgedSolver:
+        mesh = self.model.mesh
+        return BridgedSolver(self.linear, self.body.pattern, mesh.points, mesh.cells)
 
     @property
     def worth(self) -> int:
@@ -161,9 +168,22 @@ class Equations:
             found.append(contact.blocks(place, contact.pushes(place, pushed), held=held))
         return found
 
-    def factors(self, elements: FloatArray) -> Factors:
-        """Factors of the element matrices."""
-        return self.solver.factors(elements, symmetric=self.symmetric)
+    def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
+        """Factors of the element matrices plus the stiffness of surface contact in a state."""
+        nodes, blocks = [], []
+        if state is not None:
+            for contact in self.surfaces:
+                pairs, stiff = contact.blocks(state.u)
+                nodes.append(contact.nodes_of(pairs))
+                blocks.append(stiff)
+        if sum(map(len, nodes)) == 0:
+            return self.solver.factors(elements, symmetric=self.symmetric)
+        joined = np.concatenate(nodes), np.concatenate(blocks)
+        return self._bridged.factors(elements, *joined, symmetric=self.symmetric)
+
+    def closed(self, state: State) -> bool:
+        """True if the penetration of all surfaces is within the limit."""
+        return all(contact.deepest(state.u) <= contact.depth for contact in self.surfaces)
 
     def times(self, elements: FloatArray, du: FloatArray) -> FloatArray:
         """Element matrices times changes [m] of shape [..., n d], summed over all components [N]."""
@@ -195,4 +215,6 @@ class Equations:
         for contact, pushed in zip(self.contacts, multipliers, strict=True):
             place = contact.place(u, at)
             total = total + contact.forces(place, contact.pushes(place, pushed))
+        for surface in self.surfaces:
+            total = total + surface.forces(u)
         return total

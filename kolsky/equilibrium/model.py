@@ -112,8 +112,28 @@ class RigidSurface:
     """Largest depth, as a share of the mesh's size [-]."""
 
 
+@dataclass(frozen=True)
+class SelfContact:
+    """Two surfaces of the body that cannot pass through each other. They have no friction. A penalty force
+    acts on the integration points of each surface that penetrate the other. An equilibrium with a point
+    deeper than `depth` is not accepted."""
+
+    where: str
+    other: str
+    penalty: float = 500.0
+    """Pressure divided by depth, in shear moduli over the size of a face [-]."""
+    depth: float | None = None
+    """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
+
+    def __post_init__(self) -> None:
+        for name in ("penalty", "depth"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} of a contact must be > 0, got {value}")
+
+
 Load = NodalForce | Traction | Gravity | Pressure
-Condition = Fixed | Prescribed | Coupled | RigidSurface | Load
+Condition = Fixed | Prescribed | Coupled | RigidSurface | SelfContact | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:

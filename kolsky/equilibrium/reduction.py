@@ -36,6 +36,7 @@ from kolsky.equilibrium.model import (
     Prescribed,
     Pressure,
     RigidSurface,
+    SelfContact,
     Traction,
 )
 from kolsky.equilibrium.points import Points
@@ -279,7 +280,7 @@ def _checked(model: Model) -> None:
     wrong = [
         c
         for c in model.conditions
-        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidSurface)
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidSurface | SelfContact)
     ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")

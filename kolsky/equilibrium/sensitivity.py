@@ -69,7 +69,7 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
         moved = np.zeros_like(explicit)
         for j, name in enumerate(histories, start=len(own)):
             moved[j], right[j] = _by_history(equations, state, elements, name)
-        factors = equations.factors(elements)
+        factors = equations.factors(elements, state)
         if keep:
             kept.append(factors)
         unknown = factors.solve(-right.T).T
@@ -143,7 +143,7 @@ def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondD
     model, table = solution.model, solution.parameters
     equations = solution.equations
     n = table.size if first is None else first
-    if equations.contacts:
+    if equations.contacts or equations.surfaces:
         raise ValueError(
             "second derivatives of a model with contact are not defined where a point comes or goes"
         )

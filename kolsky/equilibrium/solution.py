@@ -38,7 +38,7 @@ class Outcome(NamedOutcome):
     PENETRATION = (
         5,
         "a contact did not close within its tolerance",
-        "raise the tolerance of the contact, or take smaller steps",
+        "raise the penalty or the tolerance of the contact, or take smaller steps",
     )
 
 

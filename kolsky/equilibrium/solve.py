@@ -107,17 +107,17 @@ class Iteration:
         if self.single:
             elements = equations.stiffness(state, single=True)
             try:
-                self._keep(elements)
+                self._keep(elements, state)
             except SingularError:
                 self.single = False
             else:
                 return elements
         elements = equations.stiffness(state)
-        self._keep(elements)
+        self._keep(elements, state)
         return elements
 
-    def _keep(self, elements: FloatArray) -> None:
-        factors = self.equations.factors(elements)
+    def _keep(self, elements: FloatArray, state: State) -> None:
+        factors = self.equations.factors(elements, state)
         self.kept = QuasiNewtonTangent(factors, learns=self.equations.symmetric and self.equations.smooth)
 
     def equilibrium(self, state: State) -> State | Outcome:
@@ -129,6 +129,8 @@ class Iteration:
                 if isinstance(found, Outcome):
                     self.kept = None
                     return found
+                if not self.equations.closed(found):
+                    return Outcome.PENETRATION
                 if not self.equations.contacts:
                     return found
                 multipliers, closed = self.equations.augmented(found)

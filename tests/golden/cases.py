@@ -138,6 +138,8 @@ CASES: tuple[Case, ...] = (
      ("kolsky specimen fit runs/specimen/silicone.toml --out fitted",), cheap=False),
     Case("sheet", ("runs/specimen",),
      ("kolsky specimen fit runs/specimen/sheet.toml --vtu --out fitted",)),
+    Case("actuator-touching", ("runs/actuator",),
+     ("kolsky actuator simulate runs/actuator/touching.toml --vtu --out touching",)),
     Case("actuator", ("runs/actuator",),
      ("kolsky actuator simulate runs/actuator/pneunet.toml --vtu --out bent",), cheap=False),
     Case("actuator-loop", (), ("kolsky actuator invert soft.toml --out inverted",

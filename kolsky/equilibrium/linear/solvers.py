@@ -3,7 +3,8 @@
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
 the usual choice. "amg" is the conjugate gradient method with an algebraic multigrid of smoothed aggregation
 (Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large for a factorisation in
-memory. Its near-null space is the rigid motions.
+memory. Its near-null space is the rigid motions. `BridgedSolver` adds blocks between points of different
+elements (contact).
 """
 
 from itertools import combinations
@@ -15,6 +16,7 @@ from scipy.sparse.linalg import cg, gmres
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.linear.base import Factors, Pattern, SingularError
 from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, dissect
+from kolsky.equilibrium.meshes import components
 
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
@@ -132,3 +134,46 @@ def _finite(elements: FloatArray) -> FloatArray:
     if not np.isfinite(elements).all():
         raise SingularError("the stiffness has entries that are not finite")
     return elements
+
+
+class BridgedSolver:
+    """The solver of a pattern with elements connected by blocks. Known blocks keep their positions."""
+
+    def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
+        self.name, self.pattern, self.points, self.cells = name, pattern, points, cells
+        self._known: IntArray | None = None
+        self._solver: LinearSolver | None = None
+
+    def factors(
+        self, elements: FloatArray, nodes: IntArray, blocks: FloatArray, *, symmetric: bool
+    ) -> Factors:
+        """Factors of the sum of element matrices [m, k d, k d] and blocks [b, j d, j d] of the points
+        [b, j].
+        """
+        rows = nodes if self._known is None else np.concatenate([self._known, nodes])
+        known, where = np.unique(rows, axis=0, return_inverse=True)
+        if self._solver is None or self._known is None or len(known) > len(self._known):
+            self._known, self._solver = known, self._joined(known)
+        d = self.points.shape[1]
+        width = max(elements.shape[1], d * known.shape[1])
+        together = np.zeros((len(elements) + len(known), width, width), elements.dtype)
+        own = elements.shape[1]
+        together[: len(elements), :own, :own] = elements
+        further = together[len(elements) :, : blocks.shape[1], : blocks.shape[1]]
+        np.add.at(further, where.ravel()[len(rows) - len(nodes) :], blocks.astype(elements.dtype))
+        return self._solver.factors(together, symmetric=symmetric)
+
+    def _joined(self, known: IntArray) -> LinearSolver:
+        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
+        held = len(self.pattern.index)
+        own = self.pattern.dofs
+        further = components(known, self.points.shape[1])
+        width = max(own.shape[1], further.shape[1])
+        dofs = np.full((len(own) + len(further), width), held)
+        dofs[: len(own), : own.shape[1]] = own
+        dofs[len(own) :, : further.shape[1]] = further
+        # cells of one width; a repeated point moves only the centre by which they are sorted
+        count = max(self.cells.shape[1], known.shape[1])
+        cells = np.concatenate([np.resize(row, count)[None] for row in (*self.cells, *known)])
+        pattern = Pattern(dofs, np.append(self.pattern.index, -1), self.pattern.count)
+        return linear_solver(self.name, pattern, self.points, cells)

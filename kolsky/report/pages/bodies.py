@@ -158,6 +158,24 @@ def bends(view: ActuatorView) -> Rows:
             yield cells, bool(one.overlapping[k])
 
 
+def contacts(view: ActuatorView) -> Rows:
+    """Contact of neighbouring chambers."""
+    for one in view.directions:
+        contact = one.touching
+        if contact is None:
+            continue
+        steps = np.flatnonzero(contact.force > 0.0)
+        bar = BAR * one.pristine.pressures.max(axis=1)
+        cells = {
+            "Gravity": one.name,
+            "Touching from the step at": "not at all" if steps.size == 0 else f"{bar[steps[0]]:.3g} bar",
+            "Force at the largest pressure (N)": f"{contact.force[-1]:.3g}",
+            "Deepest (µm)": f"{1e6 * contact.depth.max():.2g}",
+            "Smallest gap of facing points (mm)": f"{1e3 * one.gap.min():.3g}",
+        }
+        yield cells, False
+
+
 def forces(view: ActuatorView) -> Rows:
     """Forces on planes and on the support of a blocked set."""
     for one in view.directions:
@@ -242,6 +260,7 @@ def loops(view: ActuatorView) -> Rows:
 
 TABLES: dict[str, Callable[[ActuatorView], Rows]] = {
     "Bend at the declared pressures": bends,
+    "Contact of neighbouring chambers": contacts,
     "Forces on the outside": forces,
     "Markers: measured less simulated": _marker_rows,
     "Factor of all moduli fitted to the markers": stiffness,

@@ -28,6 +28,7 @@ from kolsky.bodies.actuator_control import (
 from kolsky.bodies.actuator_model import Actuator, Pneunet
 from kolsky.bodies.actuator_reading import ControlSection, read_actuator, volume_reading
 from kolsky.equilibrium.loads import FollowerPressure, faces_on, rim
+from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.reduction import ReducedState
 from kolsky.equilibrium.solid import Isotropic, bulk
@@ -78,6 +79,25 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     assert run["ticks"] == 80
     assert max(run["settled_error_rad"]) < 1e-3
     assert (tmp_path / "c" / "downward.csv").read_text().startswith("time (s),")
+
+
+@pytest.mark.slow
+def test_chambers_touch_by_command(tmp_path: Path) -> None:
+    text = SPEC[: SPEC.index("[healed]")].replace('"0.2 bar", "0.4 bar"', '"0.1 bar", "0.3 bar"')
+    thin = 'element = "hex8"\nwall = "1.2 mm"\ngap = "0.3 mm"\ncell = "3 mm"\ninlet = "2 mm"'
+    spec = tmp_path / "touching.toml"
+    spec.write_text(text.replace('element = "hex8"', thin))
+    assert "declare [contact]" in run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "free").output
+    spec.write_text(spec.read_text() + "[contact]\n")
+    said = run_kolsky("actuator", "simulate", spec, "--out", tmp_path / "t").output
+    assert "overlap" not in said
+    found = json.loads((tmp_path / "t" / "actuator.json").read_text())["bends"]["downward"]
+    free = json.loads((tmp_path / "free" / "actuator.json").read_text())["bends"]["downward"]
+    assert free["contact_force_N"] is None
+    assert found["contact_force_N"][1] > 0.01
+    assert found["angle_rad"][1] > 1.02 * free["angle_rad"][1]
+    assert "Contact of neighbouring chambers" in (tmp_path / "t" / "actuator.html").read_text()
+    assert "contact force (N)" in (tmp_path / "t" / "bend.csv").read_text()
 
 
 def test_a_missing_table_is_named(tmp_path: Path) -> None:
@@ -235,6 +255,16 @@ def test_a_gmsh_file_names_its_points(tmp_path: Path) -> None:
     assert mesh.nodes("clamp").tolist() == [0, 2, 3]
     assert mesh.nodes("tip").tolist() == [1]
     assert mesh.nodes("origin").tolist() == [0]
+
+
+def test_contact_is_declared(tmp_path: Path) -> None:
+    path = _spec(tmp_path)
+    path.write_text(path.read_text() + '[contact]\ndepth = "20 um"\n')
+    read = read_actuator(path)
+    assert read.actuator.contacts == (SelfContact("gap_1_left", "gap_1_right", depth=20e-6),)
+    path.write_text(path.read_text().replace("chambers = 2", "chambers = 1"))
+    with pytest.raises(InputError, match="gap_1_left"):
+        read_actuator(path)
 
 
 def test_steps_pass_the_declared_pressures() -> None:

@@ -10,15 +10,16 @@ from kolsky_command import rows_of
 from explicit.materials import LAWS
 from kolsky.bodies.actuator_bending import SearchEnd, implausible_load, pressures_for
 from kolsky.bodies.actuator_control import reduce_actuator
-from kolsky.bodies.actuator_model import Actuator, Part, bend_of, bend_slope, forces_outside
+from kolsky.bodies.actuator_model import Actuator, Part, bend_of, bend_slope, forces_outside, touching
 from kolsky.bodies.actuator_reading import read_actuator
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_fit import LIMIT, debonding
 from kolsky.bodies.specimen_model import Shape, SpecimenModel, strains
 from kolsky.equilibrium.meshes import Mesh, grid
-from kolsky.equilibrium.model import Fixed, RigidSurface
+from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import Newton
+from kolsky.equilibrium.surface_contact import surface_contacts
 from tests.unit.bodies.small import DOWN, MOST, actuator
 
 SMALL = actuator()
@@ -91,6 +92,33 @@ def test_two_chambers_by_bounded_least_squares() -> None:
     capped = pressures_for(pair, DOWN, **wanted, most=30e3)
     assert capped.ended is SearchEnd.NEAREST
     assert capped.pressures.max() <= 30e3
+
+
+def test_chambers_that_touch() -> None:
+    free = actuator(wall=1.2e-3, gap=0.3e-3, cell=4e-3, inlet=2e-3)
+    contact = SelfContact("gap_1_left", "gap_1_right")
+    both = replace(free, contacts=(contact,))
+    pressures = np.array([5e3, 23.9e3, 24.1e3])
+    apart, touched = free.simulate(DOWN, pressures), both.simulate(DOWN, pressures)
+    assert touched.solution.outcome.ok
+    assert touching(apart) is None
+    pressed = touching(touched)
+    assert pressed is not None
+    assert pressed.force[0] == 0.0
+    assert pressed.force[2] > 0.01
+    # the walls as far through each other as the penalty says: 1 % of a face of 3.6 by 5 mm is what is allowed
+    assert 0.0 < pressed.depth[2] < 40e-6
+    assert touched.angle[0] == pytest.approx(apart.angle[0], rel=1e-6)
+    assert touched.angle[2] > 1.02 * apart.angle[2]  # pushed apart, it bends more
+    # half of the actuator is modelled: the pressures of both halves
+    u = touched.solution.displacements[2].ravel()
+    each = [one.areas @ one.pressures(u) for one in surface_contacts(touched.solution.model)]
+    assert pressed.force[2] == pytest.approx(2.0 * sum(each))
+    # exact slope in contact
+    difference = (touched.angle[2] - touched.angle[1]) / 200.0
+    assert touched.slopes()[1:, 0].mean() == pytest.approx(difference, rel=1e-4)
+    with pytest.raises(ValueError, match="no contact"):
+        reduce_actuator(both, DOWN, most=30e3, modes=3, tolerance=1e-3)
 
 
 N = 40

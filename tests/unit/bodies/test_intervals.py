@@ -10,7 +10,7 @@ from module_files import module_at
 from scipy.stats import chi2, t
 
 from kolsky.bodies.actuator_bending import Direction, relative_bend, warnings_of
-from kolsky.bodies.actuator_model import Pneunet, smallest_gap
+from kolsky.bodies.actuator_model import Pneunet, Touching, smallest_gap
 from kolsky.bodies.errors_in_variables import (
     Linearised,
     Reduced,
@@ -228,6 +228,15 @@ def test_overlap_is_warned_of_and_its_absence_not() -> None:
     bad = Direction("down", run, None, np.array([0]), np.array([-1e-4]))  # type: ignore[arg-type]
     assert "0.4 bar" in warnings_of([bad])[0]
     assert warnings_of([replace(bad, gap=np.array([1e-4]))]) == []
+
+
+def test_contact_allows_facing_points_a_tenth_of_the_gap() -> None:
+    run = _moved(0.0)
+    gap = np.array([2e-3, 1e-3, -1.9e-4, -2.1e-4])
+    one = Direction("down", run, None, np.array([0]), gap)  # type: ignore[arg-type]
+    assert one.overlapping.tolist() == [False, False, True, True]
+    touching = Touching(np.zeros(4), np.zeros(4))
+    assert replace(one, touching=touching).overlapping.tolist() == [False, False, False, True]
 
 
 def test_effect_of_healing_is_that_on_the_bend_from_rest() -> None:
