@@ -1,8 +1,6 @@
 """`kolsky dic` and `calibrate`: from pictures of a shot to surfaces, and from a target to two cameras."""
 
-from contextlib import ExitStack
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -57,23 +55,16 @@ def dic(
         return
     from dic.processes import allow_forks
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
-    from kolsky.pictures.rig import calibrate_in_background
+    from kolsky.report.result_folder import drawing_processes, write_dic_results
     from kolsky.shot.load import load_pictures
+    from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
     keep_freed_memory()
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
-    is_stored = not repeat and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
-    with progress_bars() as progress, allow_forks(), single_threaded_libraries(), ExitStack() as stack:
+    with progress_bars() as progress, allow_forks(), single_threaded_libraries():
         began = perf_counter()
-        cameras = None if is_stored else stack.enter_context(calibrate_in_background(loaded.pictures))
-        from kolsky.report.result_folder import drawing_processes, write_dic_results
-        from kolsky.shot.optical_data import RESULT_FILE, surfaces
-
-        surfaces_of_shot = surfaces(
-            loaded.pictures, folder, device=device, again=repeat, progress=progress, cameras=cameras,
-            meanwhile=partial(import_module, "kolsky.report.pages.surfaces"),
-        )  # fmt: skip
+        surfaces_of_shot = surfaces(loaded.pictures, folder, device=device, again=repeat, progress=progress)
         result, now = surfaces_of_shot.result, perf_counter()
         times = (
             {name: result.seconds[name] for name in ("calibration", "correlation")}

@@ -6,8 +6,6 @@ pictures.
 
 import hashlib
 import json
-from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -28,7 +26,7 @@ from dic.tracking import Tracking
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.pictures.picture_set import PictureSet, Progress
-from kolsky.pictures.rig import Calibrated, calibrate_in_background, refine_rig
+from kolsky.pictures.rig import calibrate_in_background, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
 from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
@@ -229,35 +227,25 @@ def _software() -> str:
         return "kolsky, not installed"
 
 
-def correlate(
-    pictures: PictureSet,
-    device: str,
-    progress: Progress,
-    *,
-    cameras: Callable[[Progress], Calibrated] | None = None,
-    meanwhile: Callable[[], object] = lambda: None,
-) -> StereoResult:
+def correlate(pictures: PictureSet, device: str, progress: Progress) -> StereoResult:
     """The stereo result of a shot.
 
-    ``pictures``, ``device``, ``progress``, ``cameras``, ``meanwhile``: as for
-    `kolsky.shot.optical_data.surfaces`. Raises InputError for the same reasons.
+    ``pictures``, ``device``, ``progress``: as for `kolsky.shot.optical_data.surfaces`. Raises InputError for
+    the same reasons.
     """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
-    # other processes may detect the target meanwhile
-    with background(partial(places_of, pictures)) as found_places:
+    static = np.arange(pictures.time.size) < declared.frames.static
+    with calibrate_in_background(pictures) as solved:
         # the message about the device comes from its first use
         with background(partial(load_kernels, device), fork=False):
-            meanwhile()
-        places = found_places()
-    static = np.arange(pictures.time.size) < declared.frames.static
-    try:
-        inspection = inspect_pictures(pictures.series, static, pictures.health)
-    except ChainError as error:
-        raise _no_surface(toml, error) from error
-    started = perf_counter()
-    with calibrate_in_background(pictures) if cameras is None else nullcontext(cameras) as solved:
+            places = places_of(pictures)
+            try:
+                inspection = inspect_pictures(pictures.series, static, pictures.health)
+            except ChainError as error:
+                raise _no_surface(toml, error) from error
+        started = perf_counter()
         found = solved(progress)
     calibrating = perf_counter() - started
     sizes = (pictures.series[0].shape, pictures.series[1].shape)

@@ -1,6 +1,5 @@
 """Camera measurements of a shot: correlate once, store the result, read it back, write tables."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from kolsky.pictures import summary
 from kolsky.pictures.correlation import correlate, key_of, length_in_pictures_of, length_sigma_of
 from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
 from kolsky.pictures.picture_set import PictureSet, Progress
-from kolsky.pictures.rig import Calibrated
 from kolsky.pictures.shared_errors import (
     outline_offsets,
     picture_errors,
@@ -70,17 +68,13 @@ def surfaces(
     device: str = "cpu",
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
-    cameras: Callable[[Progress], Calibrated] | None = None,
-    meanwhile: Callable[[], object] = lambda: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read the stored result.
 
     ``pictures``: the pictures. ``folder``: folder of `RESULT_FILE`. The file is reused if inputs,
     declarations and the version of the software are unchanged. ``device``: where pictures are correlated,
     "cpu" or a CUDA device. ``again``: True to correlate even if the file exists. ``progress``: called with
-    the number of frames done in each stage. ``cameras``: calibration started by
-    `kolsky.pictures.rig.calibrate_in_background`; None: calibrate here. ``meanwhile``: work for this process
-    while the device starts. Raises InputError without a calibration or a measurement.
+    the number of frames done in each stage. Raises InputError without a calibration or a measurement.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length
@@ -91,7 +85,7 @@ def surfaces(
         except InputError:
             pass  # damaged after it was written: computed again
     with single_threaded_libraries(), infrequent_gc():
-        result = correlate(pictures, device, progress, cameras=cameras, meanwhile=meanwhile)
+        result = correlate(pictures, device, progress)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
             with background(lambda: write_stereo_result(file, result, key=key)) as written:
