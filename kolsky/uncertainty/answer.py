@@ -72,7 +72,8 @@ def budgeted_answer(found: Search, sources: Sources) -> Identification:
             runner, found.coarse, fine, valley_margin=found.valley_margin, lost=len(sources.mesh.lost)
         ),
         seconds=dict(runner.work.seconds),
-        provenance=provenance(
-            shot, settings, problem.prepared, sliding=any_slides([*box.names, *settings.held])
-        ),
+        provenance={
+            **provenance(shot, settings, problem.prepared, sliding=any_slides([*box.names, *settings.held])),
+            "refined_grading": problem.refined.grading,
+        },
     )

@@ -211,12 +211,15 @@ def mesh_of(result: Identification) -> explicit.Mesh:
 
     said = result.provenance
     try:
-        specimen, grading = said["specimen"], said["settings"]["numerics"]["grading"]
+        specimen, grading = said["specimen"], float(said["refined_grading"])
         radius, length = 0.5 * float(specimen["diameter"]), float(specimen["length"])
     except (KeyError, TypeError, ValueError):
-        raise SceneDataMissing("the result's provenance does not hold the size of the specimen") from None
+        raise SceneDataMissing(
+            "the result's provenance does not hold the size of the specimen and the grading of its mesh: "
+            "identify the shot again"
+        ) from None
     n_radial, n_axial = result.refined_mesh
-    mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
+    mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=grading)
     assert result.response.nodes is not None  # checked by `_simulated`
     if result.response.nodes.shape[2] != mesh.n_nodes:
         raise SceneDataMissing(

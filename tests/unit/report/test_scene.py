@@ -38,15 +38,14 @@ def result(scale: tuple[float, float] = (1.0, 1.0)) -> Identification:
     size = found.provenance["specimen"]
     mesh = explicit.cylinder(
         0.5 * size["diameter"], size["length"], n_radial=found.refined_mesh[0],
-        n_axial=found.refined_mesh[1], grading=2.0,
+        n_axial=found.refined_mesh[1], grading=5.0,
     )  # fmt: skip
     nodes = np.repeat(mesh.nodes[None], len(found.response.surface_times), axis=0)
     nodes[len(nodes) // 2 :] *= scale
-    settings = {"numerics": {"grading": 2.0}}
     return replace(
         found,
         response=replace(found.response, nodes=nodes[None]),
-        provenance={**found.provenance, "settings": settings},
+        provenance={**found.provenance, "refined_grading": 5.0},
     )
 
 

@@ -17,6 +17,7 @@ from kolsky.inverse.observations import observe
 from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.result import POSTERIOR, PROFILE, Declaration, Identification
 from kolsky.inverse.settings import Numerics, Settings
+from kolsky.report.scene.scene_data import scene_of
 from kolsky.shot.load import load_shot
 from kolsky.uncertainty.analyse import UncertaintyAnalysis, noise_shares
 from kolsky.uncertainty.profiles import LinearisedOptimum, full_likelihood, reduced_likelihood
@@ -210,3 +211,9 @@ def test_correlation_is_the_sandwich_over_the_independent_variance_never_below_o
         )
         ratio = 1.0 if expected is None else expected / (0.09 / n)
         np.testing.assert_allclose(found.correlation, [ratio], rtol=1e-9)
+
+
+def test_the_specimen_of_the_pictures_is_undeformed_before_the_impact(found: Identification) -> None:
+    """The picture uses the mesh of the answer. Another grading would show stretches from 0.6 to 1.4."""
+    scene = scene_of(found, chosen=lambda n: [0])
+    np.testing.assert_allclose(scene.values[0], 1.0, atol=1e-12)  # round-off
