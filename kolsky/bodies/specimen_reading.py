@@ -196,6 +196,25 @@ class FieldSection(Section):
     region: f.Name | None = None
     regions: dict[f.Name, RegionSection] = Field(default_factory=dict)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_held(cls, given: Any) -> Any:
+        """`held = { NAME = { E = "30 kPa", poisson = 0.2 } }` is a region without free constants."""
+        if not isinstance(given, dict) or not isinstance(given.get("held"), dict):
+            return given
+        held = {
+            name: {
+                "constants": {key: value for key, value in one.items() if key != POISSON},
+                **{key: value for key, value in one.items() if key == POISSON},
+            }
+            for name, one in given["held"].items()
+            if isinstance(one, dict)
+        }
+        if held.keys() != given["held"].keys() or held.keys() & given.get("regions", {}).keys():
+            return given  # refused as an unknown key
+        rest = {key: value for key, value in given.items() if key != "held"}
+        return {**rest, "regions": {**given.get("regions", {}), **held}}
+
 
 class FitSection(Section):
     """[fit]: the tests that are fitted together, and the number of starts."""

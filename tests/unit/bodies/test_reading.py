@@ -236,11 +236,8 @@ def test_a_sheet_with_its_points(tmp_path: Path) -> None:
         ('moving = "left"', 'moving = "top"', "no group of curves"),
         ('mesh_unit = "mm"', 'mesh_unit = "m"', "no whole cell"),
         ('fixed = "right"', 'fixed = "right"\nregion = "bone"', "no group of surfaces"),
-        (
-            'fixed = "right"\n',
-            'fixed = "right"\nregions = { skin = { constants = { E = "3 kPa" } } }\n',
-            r"skin.poisson",
-        ),
+        ('fixed = "right"', 'fixed = "right"\nheld = { skin = 3 }', r"field\.held is not a known key"),
+        ('fixed = "right"', 'fixed = "right"\nheld = { skin = { E = "3 kPa" } }', r"skin.poisson"),
     ],
 )
 def test_sheet_refusals(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -249,6 +246,21 @@ def test_sheet_refusals(tmp_path: Path, old: str, new: str, said: str) -> None:
     (tmp_path / "sheet.toml").write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=said):
         read_field(read_specification(tmp_path / "sheet.toml"))
+
+
+def test_a_held_region_is_one_without_free_constants(tmp_path: Path) -> None:
+    _field_folder(tmp_path)
+    path = tmp_path / "sheet.toml"
+    text = path.read_text()
+    held = 'fixed = "right"\nheld = { skin = { E = "30 kPa", poisson = 0.2 } }'
+    path.write_text(text.replace('fixed = "right"', held))
+    section = read_specification(path).declared.field
+    assert section is not None
+    skin = section.regions["skin"]
+    assert (skin.constants, skin.poisson, skin.free) == ({"E": "30 kPa"}, 0.2, [])
+    path.write_text(path.read_text() + '[field.regions.skin]\nconstants = { E = "1 kPa" }\npoisson = 0.3\n')
+    with pytest.raises(InputError, match=r"field\.held is not a known key"):
+        read_specification(path)
 
 
 def test_meshes_of_other_formats(tmp_path: Path) -> None:
