@@ -1,11 +1,13 @@
-"""Fits, simulations and plans of whole specimens as JSON and CSV."""
+"""Fits, simulations and plans of whole specimens as JSON, CSV and HDF5."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kolsky.base.files import columns_of, jsonable
+from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import Expected, SpecimenFit, cross_table
@@ -13,6 +15,8 @@ from kolsky.bodies.specimen_model import AXES
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
 
+VERSION = 1
+"""Version of the layout of the HDF5 file."""
 _LARGEST_COMPRESSION = 0.6
 """Largest nominal compressive strain of the written curve. It does not depend on the tests."""
 
@@ -72,7 +76,10 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 def files_of(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
     """The files of fits beside their tables, for `kolsky.base.files.write_folder`. A text with the lines of a
     shot.toml that name the law's curves belongs to each fit."""
-    files: dict[str, Any] = {"specimen.json": fits_json(fits, inputs)}
+    files: dict[str, Any] = {
+        "specimen.json": fits_json(fits, inputs),
+        "specimen.h5": lambda path: _write_hdf5(path, fits),
+    }
     for found in fits:
         pull, push = largest_strains(found)
         said = (
@@ -152,6 +159,22 @@ def _law_curves(found: SpecimenFit) -> dict[str, CurveBand]:
     tension = law_curve(constants, covariance, branch="tension", largest_strain=pull or push)
     compression = law_curve(constants, covariance, branch="compression", largest_strain=_LARGEST_COMPRESSION)
     return {f"{found.name}_tension": tension, f"{found.name}_compression": compression}
+
+
+def _write_hdf5(path: Path, fits: Sequence[SpecimenFit]) -> None:
+    with creating(path, format="specimen", version=VERSION) as file:
+        for found in fits:
+            place = group(file, found.name)
+            put_text(place, "law", found.constants.law)
+            put_text(place, "free", list(found.constants.free))
+            put(place, "constants", found.constants.start, "SI")
+            put(place, "covariance", found.intervals.covariance, "SI")
+            for one in found.tests:
+                own = group(place, one.test.name, "NXdata")
+                put(own, "displacement", one.test.samples.displacement, "m")
+                put(own, "force", one.test.samples.force, "N")
+                put(own, "simulated", one.force, "N")
+                put(own, "band", one.band, "N")
 
 
 def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:

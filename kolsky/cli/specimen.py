@@ -43,7 +43,8 @@ def specimen_fit(
 ) -> None:
     """Fit a law to whole specimens: their force curves, or a sheet's displacement field and pad force.
 
-    Writes specimen.html, specimen.json, tables, and the fitted law as curves that a shot.toml can name.
+    Writes specimen.html, specimen.json, specimen.h5, tables, and the fitted law as curves that a shot.toml
+    can name.
     """
     from kolsky.bodies.specimen_reading import read_specification
 

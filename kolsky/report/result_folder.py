@@ -403,8 +403,8 @@ def write_specimen_results(
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Force curves also give curves for `identify`. ``vtu``: also write the last sample of each test for
-    ParaView.
+    Force curves also give specimen.h5, and curves for `identify`. ``vtu``: also write the last sample of each
+    test for ParaView.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView

@@ -57,7 +57,7 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     assert "mu" in page
     assert "Correlations" not in page  # one constant has none
     names = {path.name for path in (tmp_path / "fit").rglob("*") if path.is_file()}
-    assert {"forces.csv", "constants.csv", "pull_tension.csv", "pull_shot.toml"} <= names
+    assert {"forces.csv", "constants.csv", "specimen.h5", "pull_tension.csv", "pull_shot.toml"} <= names
     run_kolsky("specimen", "plan", truth, "--out", tmp_path / "plan", "--json")
     told = json.loads((tmp_path / "plan" / "plan.json").read_text())
     sigmas = {tuple(one["tests"]): one["relative_sigma"]["mu"] for one in told["choices"]}
