@@ -83,10 +83,10 @@ def campaign(questions: Sequence[Question], workers: int) -> dict[str, Any]:
     with process_pool(workers) as pool:
         first = replace(questions[0], seed=WARM_UP)
         started = time.perf_counter()
-        warm = [future.result() for future in [pool.submit(identified, first) for _ in range(workers)]]
+        warm = list(pool.map(identified, [first] * workers))
         ready = time.perf_counter() - started
         started = time.perf_counter()
-        answers = [f.result() for f in [pool.submit(identified, question) for question in questions]]
+        answers = list(pool.map(identified, questions))
         seconds = time.perf_counter() - started
     there = {one.process for one in answers}
     if len(there) > workers or (len(there) < workers and len(questions) >= 4 * workers):

@@ -231,15 +231,13 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
         replace(pattern, shot=shot, out=out)
         for shot, out in zip(shots, _result_folders(shots, pattern.out), strict=True)
     ]
-    if workers.processes is not None:
-        numerics = pattern.settings.numerics
-        threads = workers.threads(numerics.threads)
-        settings = replace(pattern.settings, numerics=replace(numerics, threads=threads))
-        jobs = [replace(job, settings=settings) for job in jobs]
-    answers: list[_Answer] = []
     if workers.executor is None:
         answers = [_run_or_error(job, processes=2) for job in jobs]
     else:
+        numerics = pattern.settings.numerics
+        numerics = replace(numerics, threads=workers.threads(numerics.threads))
+        settings = replace(pattern.settings, numerics=numerics)
+        jobs = [replace(job, settings=settings) for job in jobs]
         with progress_bars() as progress:
             answers = run_jobs(workers.executor, jobs, lambda done: progress("shots", done, len(jobs)))
     printouts = [one for one in answers if isinstance(one, Printout)]

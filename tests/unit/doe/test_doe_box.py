@@ -1,6 +1,5 @@
 """Box: scaling compared with values by hand, round trips, and error messages."""
 
-import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -123,11 +122,6 @@ def test_bad_points_are_refused() -> None:
 
 
 POINTS = ledger_sweep.POINTS[:400]
-
-
-def slow(points: np.ndarray) -> list[Run]:
-    time.sleep(0.02)
-    return ledger_sweep.oscillator(points)
 
 
 def processes(workers: int = 2) -> ProcessPoolExecutor:

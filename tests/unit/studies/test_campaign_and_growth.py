@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -67,7 +66,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     @contextmanager
     def workers(count: int) -> Iterator[Any]:
-        yield SimpleNamespace(submit=lambda work, question: SimpleNamespace(result=partial(work, question)))
+        yield SimpleNamespace(map=map)
 
     monkeypatch.setattr(campaign, "identified", answered)
     monkeypatch.setattr(campaign, "process_pool", workers)
