@@ -34,9 +34,7 @@ from kolsky.pictures.picture_set import PictureChanges
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.load import check_shot
 from kolsky.shot.summary import remarks, summarise
-from kolsky.survey.blank_file import new_text
-from kolsky.survey.pictures import survey_pictures
-from kolsky.survey.tables import survey
+from kolsky.survey.blank_file import write_new
 
 TITLES = {
     "": "The shot",
@@ -67,23 +65,6 @@ KINDS = {
 }
 
 
-def new_shot(folder: Path, kind: str) -> None:
-    """Write a new shot file into a folder, in the way of `kolsky new`.
-
-    ``kind``: one of `KINDS`. Raises InputError if the folder already has a shot file.
-    """
-    found = survey(folder)
-    pictures = survey_pictures(folder, found) if kind == "pictures" else None
-    text = new_text(found, folder, bars=kind == "bars", pictures=pictures)
-    try:
-        with (folder / SHOT_FILE).open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise InputError(
-            folder / SHOT_FILE, "exists already and was not changed", cure="open it again"
-        ) from None
-
-
 def page(root: Path) -> None:
     """Register the page."""
 
@@ -108,7 +89,8 @@ def _begin(folder: Path, shot: str) -> None:
     async def make() -> None:
         button.disable()
         try:
-            await frame.in_thread(new_shot, folder, str(kind.value))
+            bars, pictures = kind.value == "bars", kind.value == "pictures"
+            await frame.in_thread(write_new, folder, bars=bars, pictures=pictures)
         except InputError as error:
             ui.notify(str(error), type="warning")
             button.enable()

@@ -39,6 +39,27 @@ def read_errors(path: Path) -> Iterator[None]:
         ) from None
 
 
+@contextmanager
+def beginning(path: Path) -> Iterator[None]:
+    """Make the folder of a new file, which is then opened with the mode "x".
+
+    Raises InputError if the file exists, if its folder is not a folder, or if either cannot be written.
+    """
+    folder = path.parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except FileExistsError as error:
+        at_fault = path if folder.is_dir() else Path(error.filename)
+        raise InputError(
+            at_fault, "exists already and was not changed", cure="edit it, or choose another folder"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
+
+
 def check_size(path: Path, size: int, limit: int) -> None:
     """Raise InputError if a file has more than `limit` bytes."""
     if size > limit:

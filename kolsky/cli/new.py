@@ -2,8 +2,6 @@
 
 import sys
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +10,7 @@ import typer
 
 from dic.files import one_line
 from kolsky.base.errors import InputError
-from kolsky.base.files import decode, read_bytes, template_file, usable_folder, write_folder
+from kolsky.base.files import beginning, template_file, usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
@@ -22,27 +20,6 @@ if TYPE_CHECKING:
     from kolsky.readers.contents import ChannelInfo
     from kolsky.survey.pictures import PictureSurvey
     from kolsky.survey.tables import Survey
-
-
-@contextmanager
-def beginning(path: Path) -> Iterator[None]:
-    """Make the folder of a new file, which is then opened with the mode "x".
-
-    Raises InputError if the file exists, if its folder is not a folder, or if either cannot be written.
-    """
-    folder = path.parent
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except FileExistsError as error:
-        at_fault = path if folder.is_dir() else Path(error.filename)
-        raise InputError(
-            at_fault, "exists already and was not changed", cure="edit it, or choose another folder"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
-        ) from None
 
 
 def write_template(folder: Path, name: str, then: str) -> None:
@@ -69,26 +46,12 @@ def new(
 
     An existing file is left unchanged.
     """
-    from kolsky.base.toml import TOML_LIMIT
-    from kolsky.schema.shot_file import find_shot_file
-    from kolsky.survey.blank_file import new_text
-    from kolsky.survey.pictures import survey_pictures
-    from kolsky.survey.tables import survey
+    from kolsky.survey.blank_file import write_new
 
     if sum((bars, pictures, previous is not None)) > 1:
         raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
-    path = folder / "shot.toml"
-    last = None
-    if previous is not None:
-        file_of_last = find_shot_file(previous)
-        last = decode(file_of_last, read_bytes(file_of_last, limit=TOML_LIMIT))
-    with beginning(path):
-        contents = survey(folder)
-        series = survey_pictures(folder, contents) if pictures else None
-        text = new_text(contents, folder, bars=bars, pictures=series, last=last)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    found = _found_lines(path, text, contents, bars=bars, pictures=series)
+    path, contents, series = write_new(folder, bars=bars, pictures=pictures, previous=previous)
+    found = _found_lines(path, contents, bars=bars, pictures=series)
     if as_json():
         print_json(found)
         return
@@ -104,7 +67,7 @@ def new(
 
 
 def _found_lines(
-    path: Path, text: str, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
+    path: Path, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
     """Detected values, and values to be filled in, as one object."""
     from kolsky.base.toml import blanks
@@ -122,7 +85,7 @@ def _found_lines(
         "found": found,
         "recordings": recordings,
         "doubtful": {name: why for name, why in contents.doubtful.items() if name not in recordings},
-        "to_fill_in": list(blanks(tomllib.loads(text))),
+        "to_fill_in": list(blanks(tomllib.loads(path.read_text("utf-8")))),
     }
 
 

@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import template_file
+from kolsky.base.files import beginning, decode, read_bytes, template_file
+from kolsky.base.toml import TOML_LIMIT
 from kolsky.base.units import unit_factor
 from kolsky.readers.recordings import read_contents
+from kolsky.schema.shot_file import SHOT_FILE, find_shot_file
 from kolsky.survey.new_file import fill_in, next_of_series, table_findings, with_notes, with_recordings
-from kolsky.survey.pictures import PictureSurvey, first_change, picture_findings
+from kolsky.survey.pictures import PictureSurvey, first_change, picture_findings, survey_pictures
 from kolsky.survey.signals import (
     FEWEST_SAMPLES,
     Findings,
@@ -28,7 +30,7 @@ from kolsky.survey.signals import (
     two_figures,
 )
 from kolsky.survey.surface import SurfaceSurvey, first_motion, surface_values
-from kolsky.survey.tables import SHIFT, Survey, TableEntry, clock_text, microseconds
+from kolsky.survey.tables import SHIFT, Survey, TableEntry, clock_text, microseconds, survey
 
 SPARE = 0.9
 """Used share of the quiet part of a record. Motion and force may begin below the noise."""
@@ -38,36 +40,36 @@ _COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
 _TENSION = re.compile(r"tens(ile|ion)|zugv|zugs|traction|dehn?versuch", re.IGNORECASE)
 
 
-def evidence(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> None:
+def evidence(found: Survey, picture: tuple[int, str] | None, shown: Findings) -> None:
     """Add all values that follow from the data files of a folder.
 
-    ``survey``: the files. ``picture``: for a shot with pictures, the index of the first picture with motion,
+    ``found``: the files. ``picture``: for a shot with pictures, the index of the first picture with motion,
     and its series.
     """
-    surface_values(survey.surface, shown)
-    last_static = _frames(survey, picture, shown)
-    if "force" in survey.parts:
-        _force(survey.parts["force"], last_static, shown)
-    if "flyer" in survey.parts:
-        _flyer(survey.parts["flyer"], shown)
-    if "curve" in survey.parts:
-        _curve(survey.parts["curve"], shown)
+    surface_values(found.surface, shown)
+    last_static = _frames(found, picture, shown)
+    if "force" in found.parts:
+        _force(found.parts["force"], last_static, shown)
+    if "flyer" in found.parts:
+        _flyer(found.parts["flyer"], shown)
+    if "curve" in found.parts:
+        _curve(found.parts["curve"], shown)
 
 
-def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
+def _frames(found: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
     """Add the static frames. Returns the time of the last static frame on the frames' clock [s], if known."""
-    frames = survey.parts.get("frames", survey.parts.get("flyer"))
+    frames = found.parts.get("frames", found.parts.get("flyer"))
     if frames is None or frames.frame is None:
         return None
     numbers = frames.frame.values
-    series = survey.surface.specimen
+    series = found.surface.specimen
     if series is not None and (stray := np.setdiff1d(series.export.frame, numbers)).size:
         shown.notes["frames.file"] = (
             f"frame {stray[0]} of {series.pattern} is not in {frames.path.name}: number both alike"
         )
         return None
-    by_flyer = _flyer_motion(survey.parts["flyer"]) if "flyer" in survey.parts else None
-    motion = min(filter(None, (first_motion(survey.surface), by_flyer)), default=None)
+    by_flyer = _flyer_motion(found.parts["flyer"]) if "flyer" in found.parts else None
+    motion = min(filter(None, (first_motion(found.surface), by_flyer)), default=None)
     if picture is not None and picture[0] < numbers.size:
         motion = int(numbers[picture[0]]), picture[1]
     if motion is None:
@@ -206,6 +208,28 @@ def _curve(table: TableEntry, shown: Findings) -> None:
             f'"{100.0 * two_figures(scatter):.4g} %"',
             "scatter of neighbouring points; an error of all points together belongs to [uncertainty]",
         )
+
+
+def write_new(
+    folder: Path, *, bars: bool = False, pictures: bool = False, previous: Path | None = None
+) -> tuple[Path, Survey, PictureSurvey | None]:
+    """Write a new shot.toml into a folder: the file, and what was found in the folder.
+
+    ``bars``, ``pictures``: for a test between bars, or one measured from pictures. ``previous``: the last
+    shot of a series. Raises InputError if the folder has a shot file already, or cannot be used.
+    """
+    last, series = None, None
+    if previous is not None:
+        file_of_last = find_shot_file(previous)
+        last = decode(file_of_last, read_bytes(file_of_last, limit=TOML_LIMIT))
+    path = folder / SHOT_FILE
+    with beginning(path):
+        contents = survey(folder)
+        series = survey_pictures(folder, contents) if pictures else None
+        text = new_text(contents, folder, bars=bars, pictures=series, last=last)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    return path, contents, series
 
 
 def new_text(

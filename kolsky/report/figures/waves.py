@@ -1,13 +1,13 @@
 """Figures of classical reductions: bar signals, bars brought together, repeated tests, and flyer tests."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from kolsky.bars.guides.propagation import BarsTogether
-from kolsky.bars.records import FlyerResult, History, WavesResult
+from kolsky.bars.records import FlyerResult, History, Reduction, WavesResult
 from kolsky.bars.reduction.repeated_tests import RepeatedTests
 from kolsky.report.figures.base import (
     BAND,
@@ -65,7 +65,7 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
 def waves(result: WavesResult, panels: Panels) -> str:
     _signals(panels["signals"], result)
     _forces(panels["forces"], panels["imbalance"], result)
-    _strain(panels["strain"], panels["rate"], result)
+    _strain(panels["strain"], panels["rate"], result.reduction, WAYS, US, "Time at the specimen (µs)")
     _curve(panels["curve"], result)
     balanced = result.reduction.balanced
     balance = (
@@ -158,22 +158,24 @@ def _forces(ax: Axes, low: Axes, result: WavesResult) -> None:
             axis.axvspan(US * r.balanced[0], US * r.balanced[1], color=GREY, alpha=0.18, lw=0.0)
 
 
-def _strain(ax: Axes, low: Axes, result: WavesResult) -> None:
-    r = result.reduction
-    time = US * r.time
-    for way, (colour, dash) in WAYS.items():
+def _strain(
+    ax: Axes, low: Axes, r: Reduction, ways: Mapping[str, tuple[str, str]], factor: float, label: str
+) -> None:
+    """Draw strain and rate over the time in units of `factor`. Bands are those of three waves."""
+    time = factor * r.time
+    for way, (colour, dash) in ways.items():
         if way not in r.strain:
             continue
-        if way == "three waves":
-            band(ax, time, r.strain[way], 1.0, BAND)
-            band(low, time, r.rate[way], 1.0, BAND)
-        ax.plot(time, r.strain[way].value, dash, color=colour, label=way, lw=0.8)
-        low.plot(time, r.rate[way].value, dash, color=colour, lw=0.8)
+        for axis, history in ((ax, r.strain[way]), (low, r.rate[way])):
+            if way == "three waves":
+                band(axis, time, history, 1.0, BAND)
+            axis.plot(time, history.value, dash, color=colour, label=way, lw=0.8)
     ax.set_ylabel("Strain (–)")
     ax.sharex(low)
     ax.tick_params(labelbottom=False)
-    ax.legend(loc="best")
-    low.set(xlabel="Time at the specimen (µs)", ylabel="Rate (1/s)")
+    if len(ways) > 1:
+        ax.legend(loc="best")
+    low.set(xlabel=label, ylabel="Rate (1/s)")
 
 
 def _curve(ax: Axes, result: WavesResult) -> None:
@@ -235,7 +237,8 @@ def repeats(mean: RepeatedTests, panels: Panels) -> str:
 def flyer_test(result: FlyerResult, panels: Panels) -> str:
     _flyer_signals(panels["signals"], result)
     _flyer_forces(panels["forces"], panels["shares"], result)
-    _flyer_strain(panels["strain"], panels["rate"], result)
+    three = {"three waves": WAYS["three waves"]}
+    _strain(panels["strain"], panels["rate"], result.reduction, three, MS, "Time (ms)")
     _flyer_curve(panels["curve"], result)
     valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
@@ -289,21 +292,6 @@ def _flyer_forces(ax: Axes, low: Axes, result: FlyerResult) -> None:
     if result.valid is not None:
         for axis in (ax, low):
             axis.axvspan(MS * result.valid[0], MS * result.valid[1], color=GREY, alpha=0.25, lw=0.0)
-
-
-def _flyer_strain(ax: Axes, low: Axes, result: FlyerResult) -> None:
-    r = result.reduction
-    time = MS * r.time
-    for axis, history, label in (
-        (ax, r.strain["three waves"], "Strain (–)"),
-        (low, r.rate["three waves"], "Rate (1/s)"),
-    ):
-        band(axis, time, history, 1.0, BAND)
-        axis.plot(time, history.value, color=MEASURED, lw=0.8)
-        axis.set_ylabel(label)
-    ax.sharex(low)
-    ax.tick_params(labelbottom=False)
-    low.set_xlabel("Time (ms)")
 
 
 def _flyer_curve(ax: Axes, result: FlyerResult) -> None:

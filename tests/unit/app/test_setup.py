@@ -21,7 +21,6 @@ from nicegui.testing import User
 from simulated import walk
 
 from kolsky.app.draft import Conflict, Draft, choices, fields_of, optional_keys, series_toml
-from kolsky.app.setup import new_shot
 from kolsky.app.signals import (
     MOST_POINTS,
     Signal,
@@ -41,6 +40,7 @@ from kolsky.app.signals import (
 )
 from kolsky.base.errors import InputError
 from kolsky.shot.load import check_shot
+from kolsky.survey.blank_file import write_new
 from kolsky.survey.new_file import fill_in
 
 SMALL = """# a shot
@@ -257,7 +257,7 @@ def test_pictures_are_offered_and_compared(tmp_path: Path) -> None:
 
 def test_frames_at_rest_are_chosen_over_the_pictures(tmp_path: Path) -> None:
     folder = pictures_of_two_cameras(tmp_path / "root" / "one")
-    new_shot(folder, "pictures")
+    write_new(folder, pictures=True)
     path = folder / "shot.toml"
     remarks = [line.partition("#")[2] for line in path.read_text("utf-8").splitlines()]
 
@@ -355,7 +355,7 @@ def test_from_raw_files_to_a_shot_that_passes_the_check(tmp_path: Path) -> None:
         await user.should_see("The check passed", retries=400)
 
     walk(tmp_path / "root", tmp_path / "main.py", steps)
-    new_shot(twin, "exports")  # as `kolsky new` writes it; a person fills it in an editor
+    write_new(twin)  # as `kolsky new` writes it; a person fills it in an editor
     text = fill_in((twin / "shot.toml").read_text("utf-8"), TYPED)
     made = (folder / "shot.toml").read_text("utf-8")
     assert tomllib.loads(made) == tomllib.loads(text)

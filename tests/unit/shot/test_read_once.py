@@ -16,7 +16,6 @@ COARSE = ("--free", "stiffness_factor", "--mesh", "6x8", "--refined-mesh", "8x11
 def counts(monkeypatch) -> dict[str, int]:
     """Calls of the TOML parser, and of the fit of a flyer's path wherever a command could make one."""
     made = {"parsed": 0, "fitted": 0}
-    monkeypatch.setattr("kolsky.report.scene.drawing.renders", lambda: False)  # the page without its 3-D view
 
     def counted(key, function):
         def call(*args, **options):
