@@ -17,19 +17,10 @@ from kolsky.bars.flyer.flight import symmetry_end
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.guides.propagation import wave_speed
 from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Signal, Windows
+from kolsky.bars.reduction import varied_test
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import reduce
-from kolsky.bars.reduction.varied_test import (
-    VariedTest,
-    bar_correlations,
-    bar_quantities,
-    budget_quantities,
-    length_quantities,
-    varied_bar,
-    varied_position,
-    varied_specimen,
-)
 from kolsky.bars.reduction.windows import StationInput, WavesInput, find_windows
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Specimen
@@ -237,20 +228,20 @@ def plain(quantities):
 
 
 def test_quantities_of_a_bar():
-    assert plain(bar_quantities(BAR, "incident", UNCERTAINTY)) == {
+    assert plain(varied_test.bar_quantities(BAR, "incident", UNCERTAINTY)) == {
         "incident bar, Young's modulus": (190e9, 1.9e9, "Pa", "B"),
         "incident bar, density": (8048.0, 16.096, "kg/m^3", "B"),
         "incident bar, diameter": (15e-3, 45e-6, "m", "B"),
         "incident bar, Poisson's ratio": (0.29, 0.004, "1", "B"),
     }
-    measured = bar_quantities(BAR, "incident", {**UNCERTAINTY, "bar_wave_speed": 0.001})
+    measured = varied_test.bar_quantities(BAR, "incident", {**UNCERTAINTY, "bar_wave_speed": 0.001})
     assert (measured[0].name, measured[0].unit) == ("incident bar, wave speed", "m/s")
     assert measured[0].sigma == pytest.approx(1e-3 * BAR.wave_speed)
 
 
 def test_quantities_of_lengths():
     positions = {"incident": 0.75, "transmission": 0.5, "incident far": 1.1}
-    assert plain(length_quantities(SPECIMEN, positions, UNCERTAINTY)) == {
+    assert plain(varied_test.length_quantities(SPECIMEN, positions, UNCERTAINTY)) == {
         "specimen, diameter": (10e-3, 50e-6, "m", "B"),
         "specimen, length": (5e-3, 30e-6, "m", "B"),
         "incident gauge, distance": (0.75, 7e-4, "m", "B"),
@@ -265,17 +256,17 @@ def test_other_values_of_the_quantities():
         "incident bar, wave speed": 5000.0,
         "incident bar, diameter": 0.016,
     }
-    found = varied_bar(BAR, "incident", values)
+    found = varied_test.varied_bar(BAR, "incident", values)
     assert (found.youngs_modulus, found.density, found.diameter) == (pytest.approx(200e9), 8000.0, 0.016)
-    assert varied_bar(BAR, "transmission", values) == BAR
-    found = varied_bar(
+    assert varied_test.varied_bar(BAR, "transmission", values) == BAR
+    found = varied_test.varied_bar(
         BAR, "incident", {"incident bar, Young's modulus": 2e11, "incident bar, Poisson's ratio": 0.3}
     )
     assert (found.youngs_modulus, found.poisson) == (2e11, 0.3)
-    size = varied_specimen(SPECIMEN, {"specimen, diameter": 0.011, "specimen, length": 0.006})
+    size = varied_test.varied_specimen(SPECIMEN, {"specimen, diameter": 0.011, "specimen, length": 0.006})
     assert (size.diameter, size.length) == (0.011, 0.006)
-    assert varied_position(0.5, "incident", {"incident gauge, distance": 0.6}) == 0.6
-    assert varied_position(0.5, "transmission", {"incident gauge, distance": 0.6}) == 0.5
+    assert varied_test.varied_position(0.5, "incident", {"incident gauge, distance": 0.6}) == 0.6
+    assert varied_test.varied_position(0.5, "transmission", {"incident gauge, distance": 0.6}) == 0.5
 
 
 def given(**changes):
@@ -305,7 +296,7 @@ def test_every_input_is_in_the_budget():
     stations = {
         side: SimpleNamespace(quantities=[replace(zero, name=f"{side} gauge, zero")]) for side in test.bars
     }
-    names = {q.name for q in budget_quantities(test, stations)}
+    names = {q.name for q in varied_test.budget_quantities(test, stations)}
     assert names == {
         "specimen, diameter",
         "specimen, length",
@@ -322,13 +313,16 @@ def test_every_input_is_in_the_budget():
 
 
 def test_bars_of_one_rod_have_their_errors_in_common():
-    quantities = [*bar_quantities(BAR, "incident", {}), *bar_quantities(BAR, "transmission", {})]
-    assert bar_correlations(given(), quantities) == {}
-    assert bar_correlations(given(alike=True), quantities) == {
+    quantities = [
+        *varied_test.bar_quantities(BAR, "incident", {}),
+        *varied_test.bar_quantities(BAR, "transmission", {}),
+    ]
+    assert varied_test.bar_correlations(given(), quantities) == {}
+    assert varied_test.bar_correlations(given(alike=True), quantities) == {
         (f"incident bar, {what}", f"transmission bar, {what}"): 1.0
         for what in ("Young's modulus", "density", "diameter", "Poisson's ratio")
     }
-    assert bar_correlations(given(alike=True), quantities[:4]) == {}
+    assert varied_test.bar_correlations(given(alike=True), quantities[:4]) == {}
 
 
 def test_shares_of_the_budget_are_those_of_the_formulas():
@@ -361,7 +355,7 @@ def test_shares_of_the_budget_are_those_of_the_formulas():
 def test_the_model_of_the_budget_holds_its_windows():
     test = given()
     windows = Windows((-160e-6, 0.0), (150e-6, 310e-6), (95e-6, 255e-6), source="shot file")
-    varied = VariedTest(test, windows, -0.75 / BAR.wave_speed)
+    varied = varied_test.VariedTest(test, windows, -0.75 / BAR.wave_speed)
     near = varied.carried({}, dispersive=False)
     scaled = varied.carried({"transmission gauge, strain per volt": 1.1}, dispersive=False)
     np.testing.assert_allclose(scaled.transmitted, 1.1 * near.transmitted, atol=1e-15)
