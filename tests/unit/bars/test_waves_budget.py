@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from elastic_layer import Layer
-from monte_carlo import Spread, difference, monte_carlo, red_noise
+from monte_carlo import monte_carlo, red_noise
 from softflyer import Flight
 
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
@@ -34,10 +34,6 @@ def q(name, value, sigma, freedom=np.inf, kind="B"):
 
 
 FOUR = [q(name, 0.0, 1.0) for name in "abcd"]
-
-
-def total(v, rng=None):
-    return {"Y": sum(v.values())}
 
 
 def test_supplement_1_loss_is_beyond_a_straight_line():
@@ -166,48 +162,6 @@ def test_noise_goes_through_the_model_by_draws():
     np.testing.assert_allclose(spread.sigma, sigma, rtol=0.045)  # 1.1 %, four of them
     # Four standard errors of the mean.
     assert (np.abs(spread.mean - 0.5 - slope) < 4.5 * sigma / np.sqrt(4000)).all()
-
-
-def test_t_distribution_of_a_type_a_quantity():
-    spread = monte_carlo(
-        lambda v, rng: dict(v), [q("a", 1.0, 0.1, 5.0, "A")], trials=40_000, rng=np.random.default_rng(6)
-    )["a"]
-    assert spread.sigma == pytest.approx(0.1 * np.sqrt(5 / 3), rel=0.05)  # heavy tails: 1.2 %, four of them
-    assert spread.high - 1.0 == pytest.approx(0.1 * 2.571, rel=0.05)  # t_95(5)
-    with pytest.raises(ValueError, match="2 degrees of freedom has no standard deviation"):
-        monte_carlo(total, [q("a", 1.0, 0.1, 2.0)], trials=100, rng=np.random.default_rng(0))
-
-
-@pytest.mark.parametrize("kind", ["rectangular", "triangular", "arcsine"])
-def test_distributions_have_the_stated_sigma(kind):
-    ends = {"rectangular": np.sqrt(3.0), "triangular": np.sqrt(6.0), "arcsine": np.sqrt(2.0)}
-    draws = []
-    monte_carlo(
-        lambda v, rng: draws.append(v["a"]) or dict(v),
-        [q("a", 0.0, 1.0)],
-        trials=10_000,
-        rng=np.random.default_rng(7),
-        distributions={"a": kind},
-    )
-    assert np.std(draws) == pytest.approx(1.0, rel=0.03)  # 0.7 % or less, four of them
-    assert np.max(np.abs(draws)) <= ends[kind]
-    assert np.max(np.abs(draws)) > 0.97 * ends[kind]
-
-
-def test_impossible_draws_are_refused():
-    rng = np.random.default_rng(0)
-    for options, message in (
-        ({"trials": 10}, "at least 100 trials, got 10"),
-        ({"probability": 1.0}, r"inside \(0, 1\), got 1.0"),
-        ({"distributions": {"z": "normal"}}, "distribution of 'z': no quantity"),
-        ({"distributions": {"a": "flat"}}, "a: distribution must be 't' or one of normal, .* got 'flat'"),
-        (
-            {"distributions": {"a": "arcsine"}, "correlations": {("a", "b"): 0.5}},
-            "a is correlated and must be normal, got 'arcsine'",
-        ),
-    ):
-        with pytest.raises(ValueError, match=message):
-            monte_carlo(total, FOUR, **({"trials": 100, "rng": rng} | options))
 
 
 # Inputs of a test's budget by name and value, and their effects on the results in closed form.
@@ -426,13 +380,6 @@ def test_symmetry_ends_beyond_two_sigmas(sigma, row):
     found = symmetry_end(paths, [0.5, 1.0, 2.0], separation=0.2, over=0.3, share=0.05, times_in_row=1)
     assert found.share[2] == pytest.approx(0.96 / np.hypot(12.0, 0.96))
     assert found.row == row
-
-
-def test_intervals_are_compared_in_standard_uncertainties():
-    budget = propagate(lambda v: {"y": v["a"]}, [Quantity("a", 3.0, 0.5, "1", "B")])
-    half = float(budget.coverage_factor("y", 0.95)) * 0.5
-    drawn = Spread(np.array(3.0), np.array(0.5), np.array(3.0 - half - 0.1), np.array(3.0 + half), 1000, 0.95)
-    assert difference(budget, "y", drawn) == pytest.approx(0.2)
 
 
 def test_full_speed_is_known_to_a_frame_at_best():
