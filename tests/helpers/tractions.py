@@ -21,9 +21,7 @@ class BoundaryEdges:
 
 
 def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
-    """Find the boundary edges with both points in a set."""
-    if mesh.kind != "tri3":
-        raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
+    """Find the boundary edges of triangles with both points in a set."""
     inside = np.zeros(len(mesh.points), dtype=bool)
     inside[mesh.nodes(where)] = True
     pairs = mesh.cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
