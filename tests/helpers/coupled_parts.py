@@ -15,7 +15,6 @@ from explicit.bars.coupling import mean_force
 from explicit.bars.elastic import ElasticBar, ElasticHistory
 from explicit.model import Model
 
-PASSES = 6  # largest number of passes of the specimens
 _CONTACT_RADIUS_EVERY = 8  # number of knots of the flyer's motion from one contact radius to the next
 ON_PLATEN = 1e-6
 """A side node lies on the platen if its height is at most this share of the specimen's length."""
@@ -46,7 +45,13 @@ def contact_radius(response: Response, length: float) -> FloatArray:
 
 
 def couple(
-    model: Model, samples: Samples, parts: ElasticBar, *, tolerance: float = 1e-3, threads: int | None = None
+    model: Model,
+    samples: Samples,
+    parts: ElasticBar,
+    *,
+    tolerance: float = 1e-3,
+    max_passes: int = 6,
+    threads: int | None = None,
 ) -> Coupled:
     """Simulate specimens on elastic parts.
 
@@ -62,7 +67,7 @@ def couple(
     face_radius = float(parts.mesh.nodes[parts.mesh.face, 0].max())
     change: list[float] = []
     before: FloatArray | None = None
-    for _ in range(PASSES):
+    for _ in range(max_passes):
         response = run(model, samples, sampling, threads=threads)
         response.require_completed()
         if before is not None:
