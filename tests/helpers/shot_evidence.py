@@ -1,5 +1,4 @@
-"""A shot as evidence of rate dependence: its transmitted force is simulated for many rate models in one
-batch."""
+"""A shot as evidence of rate dependence: its force is simulated for many rate models in one batch."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,4 @@
-"""Force of a sheet on its pad from the stress of the elements at the pad (Sutula and others 2020, Eq.
-K.5)."""
+"""Force of a sheet on its pad from the elements' stress (Sutula and others 2020, Eq. K.5)."""
 
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,4 @@
-"""A synthetic reduction for tests of files, figures and pages. It is not physical, but its shapes are
-consistent."""
+"""A synthetic reduction for tests of files, figures and pages, with consistent shapes, not physical."""
 
 import numpy as np
 

@@ -1,5 +1,4 @@
-"""Common parts of the verification cases: the reference specimen, smooth platen motions, a short run
-function."""
+"""Common parts of the cases: the reference specimen, smooth platen motions, fitted limits."""
 
 from collections.abc import Callable
 from math import pi, sin

@@ -1,5 +1,4 @@
-"""Editing of a shot file in a page: single changes, comments, undo, conflicts, and the start from raw
-files."""
+"""Editing of a shot file in a page: single changes, comments, undo, conflicts, the start from raw files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Drift after the baseline, and a baseline that is not at rest, compared with closed forms and random
-walks."""
+"""Drift after the baseline, and a baseline in motion, compared with closed forms and random walks."""
 
 from types import SimpleNamespace
 

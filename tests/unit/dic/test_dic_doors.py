@@ -1,5 +1,4 @@
-"""A new member of each registry of `dic` passes all tests with one file and one line. The registries are
-camera file formats, picture formats and calibration targets."""
+"""A new camera format, picture format or target passes all tests with one file and one line."""
 
 import json
 from dataclasses import dataclass

@@ -1,5 +1,4 @@
-"""The edge of a speckled body from the correlation of rows: rendered strips with a known edge, and closed
-forms."""
+"""The edge of a speckled body from the correlation of rows: strips with a known edge, closed forms."""
 
 from dataclasses import replace
 from functools import cache

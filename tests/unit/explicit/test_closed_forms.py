@@ -1,7 +1,4 @@
-"""One element and one small specimen against closed forms: forces, energies, the stable step, Newton's law.
-
-These tests are quick. The verification manual tests the convergence of whole runs.
-"""
+"""One element and one specimen against closed forms: forces, energies, stable step, Newton's law."""
 
 from collections.abc import Callable
 from functools import cache

@@ -1,5 +1,4 @@
-"""Comparison of a CUDA device, if there is one, with the CPU: state on the chip and off it, ledgers,
-failures."""
+"""A CUDA device, if there is one, compared with the CPU: state on the chip and off it, ledgers, failures."""
 
 import gc
 from dataclasses import dataclass, fields, replace

@@ -1,5 +1,4 @@
-"""Branches, loops, gathers and scatters on which the lanes disagree, compared with Warp for the same
-kernel."""
+"""Branches, loops, gathers and scatters on which the lanes disagree, compared with Warp."""
 
 # ruff: noqa: RUF046, UP018 -- in a Warp kernel `int(0)` declares a variable that a loop may change
 

@@ -1,5 +1,4 @@
-"""Data of several shots in one vector: weights, blocks and the separate unknowns of each shot, in closed
-form."""
+"""Data of several shots in one vector: weights, blocks, unknowns of each shot, in closed form."""
 
 from dataclasses import replace
 from types import SimpleNamespace

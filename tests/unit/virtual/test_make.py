@@ -1,5 +1,4 @@
-"""Synthetic folders: they can be read, are equal for one seed, and are wrong on request; no command reads the
-truth."""
+"""Synthetic folders: readable, equal for one seed, wrong on request; no command reads the truth."""
 
 import re
 import tomllib
