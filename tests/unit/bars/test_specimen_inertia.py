@@ -24,7 +24,6 @@ from kolsky.shot.waves import waves
 # Inertia against momentum, energy and travelling waves.
 
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=870.0)
-BAR = Bar(diameter=15e-3, length=1.5, youngs_modulus=190e9, density=8048.0)
 T = np.linspace(0.0, 1e-3, 4001)
 
 

@@ -27,7 +27,6 @@ from kolsky.base.records import FlyerMotion
 
 US = 1e-6
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
-C = 5000.0
 """Its wave speed [m/s]; 20 mm take 4 us, 0.5 m 100 us."""
 
 

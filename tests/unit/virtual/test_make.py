@@ -34,9 +34,6 @@ mesh = [8, 11]
 """
 
 
-FACTOR = '"material.stiffness_factor" = {{ low = 1, high = 2 }}\n'
-
-
 def made(folder: Path, text: str = "", **options: object) -> Path:
     """Make the shots of a tiny specification; the folder they are in."""
     folder.mkdir(exist_ok=True)
