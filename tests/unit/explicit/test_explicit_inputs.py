@@ -14,14 +14,8 @@ from explicit.arguments import SPARE, batch_of, body_of, fits_on_chip, node_orde
 from explicit.contact import contact_law
 from explicit.device import select_device
 from explicit.elements import element
+from explicit.layout import state
 from explicit.layout.lanes import WARPS
-from explicit.layout.state import (
-    ON_CHIP_BOUNDARY,
-    ON_CHIP_CONTROL,
-    ON_CHIP_ELEMENTS,
-    ON_CHIP_NODES,
-    on_chip_elements,
-)
 from explicit.layout.structs import CONTROL_SIZE, GROUP, Total
 from explicit.materials import MarlowLaw, bulk_modulus, law_class, neo_hookean
 from explicit.mesh import element_geometry
@@ -433,7 +427,7 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
     np.testing.assert_array_equal(body.reference_r.numpy()[place], mesh.nodes[:, 0])
     np.testing.assert_array_equal(body.reference_y.numpy()[place], mesh.nodes[:, 1])
     # every corner force is gathered once, by the node it acts on; what is left over reads zeros behind them
-    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
+    slots = state.on_chip_elements(numbers) if on_chip else mesh.n_elements
     corners = entries(body.corners.numpy(), VALENCE)
     gathered = [(c, n) for n in range(mesh.n_nodes) for c in corners[:, place[n]] if c < 4 * slots]
     assert len(gathered) == len(set(gathered)) == 4 * mesh.n_elements
@@ -494,12 +488,12 @@ def test_what_fits_on_a_chip_has_room_there() -> None:
     assert fits_on_chip(usual, fp32)
     assert not fits_on_chip(finer, fp64)  # as docs/speed.md says
     assert fits_on_chip(finer, fp32)
-    assert usual.n_elements <= ON_CHIP_ELEMENTS < finer.n_elements
+    assert usual.n_elements <= state.ON_CHIP_ELEMENTS < finer.n_elements
     thin = explicit.cylinder(1.0, 1.0, n_radial=2, n_axial=100)
-    assert thin.n_elements <= ON_CHIP_ELEMENTS
-    assert len(surface_of(thin)) > ON_CHIP_BOUNDARY
+    assert thin.n_elements <= state.ON_CHIP_ELEMENTS
+    assert len(surface_of(thin)) > state.ON_CHIP_BOUNDARY
     assert not fits_on_chip(thin, fp64)
-    assert CONTROL_SIZE + Total.COUNT * WARPS <= ON_CHIP_CONTROL
-    fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
-    sums, marks = 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, ON_CHIP_BOUNDARY
+    assert CONTROL_SIZE + Total.COUNT * WARPS <= state.ON_CHIP_CONTROL
+    fields = 4 * state.ON_CHIP_NODES + 2 * (4 * state.ON_CHIP_ELEMENTS + 1)
+    sums, marks = 3 * state.ON_CHIP_BOUNDARY + state.ON_CHIP_CONTROL, state.ON_CHIP_BOUNDARY
     assert 8 * (fields + sums) + 4 * marks <= 48 * 1024  # what a block gets without a request

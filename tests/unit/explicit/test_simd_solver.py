@@ -100,9 +100,8 @@ def model_of(case: Case) -> explicit.Model:
     soft = neo_hookean(27e3, last=0.5)
     stiff = MarlowLaw(last=1.0, quotient=np.linspace(20e3, 60e3, 5), slope=np.full(5, 40e3))
     return explicit.Model(
-        explicit.cylinder(
-            RADIUS, LENGTH, n_radial=5, n_axial=8
-        ),  # 40 elements and 35 inner nodes: two groups of each
+        # 40 elements and 35 inner nodes: two groups of each
+        explicit.cylinder(RADIUS, LENGTH, n_radial=5, n_axial=8),
         870.0,
         (soft, stiff),
         (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),

@@ -12,13 +12,7 @@ from scipy.stats import t as student
 from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis import joint_fit
-from kolsky.diagnosis.relaxation import (
-    choice_in_words,
-    choice_with_mesh_error,
-    deviance_with_mesh_patterns,
-    points_in_step,
-)
+from kolsky.diagnosis import joint_fit, relaxation
 from kolsky.inverse.joint_problem import CLOCK, SCATTER, ShotData, Stack, covariance, information
 from kolsky.inverse.joint_result import (
     FORCE_SCALE,
@@ -241,18 +235,18 @@ def strength(value: float, noise: float, mesh: float) -> Any:
 
 
 def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
-    assert choice_with_mesh_error(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
-    doubtful = choice_with_mesh_error(ASKED, strength(0.19, 0.06, 0.08))
+    assert relaxation.choice_with_mesh_error(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
+    doubtful = relaxation.choice_with_mesh_error(ASKED, strength(0.19, 0.06, 0.08))
     assert not doubtful.asked_for
     assert "its strength, 0.19 with a standard uncertainty of 0.1, mesh included" in doubtful.sentence
-    assert choice_with_mesh_error(ASKED, {}) is ASKED  # held, not found
+    assert relaxation.choice_with_mesh_error(ASKED, {}) is ASKED  # held, not found
 
 
 def test_a_time_at_a_bound_is_no_relaxation() -> None:
     strong = strength(0.3, 0.06, 0.08)
     inside, at_bound = (SimpleNamespace(outcome=v) for v in (Verdict.IDENTIFIED, Verdict.AT_BOUND))
-    assert choice_with_mesh_error(ASKED, {**strong, "prony_time_1": inside}) is ASKED
-    said = choice_with_mesh_error(ASKED, {**strong, "prony_time_1": at_bound})
+    assert relaxation.choice_with_mesh_error(ASKED, {**strong, "prony_time_1": inside}) is ASKED
+    said = relaxation.choice_with_mesh_error(ASKED, {**strong, "prony_time_1": at_bound})
     assert not said.asked_for
     assert "prony_time_1 ends at a bound" in said.sentence
     assert rate_of("prony_strength_2") == "prony_time_2"
@@ -262,10 +256,10 @@ def test_a_time_at_a_bound_is_no_relaxation() -> None:
 def test_a_weak_branch_leaves_the_ringing_in_step() -> None:
     """The bulk modulus, with m (1 + c) / (1 - 2 nu), is what it was; where nu is held nothing moves."""
     points = np.array([[1.2, 0.4985, 0.1], [1.2, 0.499, 0.1]])
-    moved = points_in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
+    moved = relaxation.points_in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
     np.testing.assert_allclose(1.1 / (1.0 - 2.0 * moved[:, 1]), 1.0 / (1.0 - 2.0 * points[:, 1]))
     np.testing.assert_array_equal(moved[:, [0, 2]], points[:, [0, 2]])
-    held = points_in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
+    held = relaxation.points_in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
     np.testing.assert_array_equal(held, points)
 
 
@@ -283,19 +277,21 @@ def test_what_a_mesh_error_explains_speaks_against_no_model() -> None:
     stack: Any = TwoShots()
     pattern = np.array([[3.0, 0.0, 0.0, 0.0]])
     # variance 1 + 9 of the first entry; a point that is not reached adds nothing
-    found = deviance_with_mesh_patterns(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
+    found = relaxation.deviance_with_mesh_patterns(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
     assert found == pytest.approx(4.0 / 10.0 + 1.0 + np.log(10.0))
 
 
 def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() -> None:
-    said = choice_in_words(666.0, 0.3, asked=False, missed=664.0)
+    said = relaxation.choice_in_words(666.0, 0.3, asked=False, missed=664.0)
     assert said.startswith("not decided")
     assert "ended 664 in -2 ln L above" in said
 
 
 def test_the_choice_otherwise() -> None:
-    assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
-    assert choice_in_words(2.0, 0.3, asked=False).startswith(
+    assert relaxation.choice_in_words(-8.0, 1e-4, asked=True).startswith(
+        "the data need relaxation (AIC -8.0; 0.01 %"
+    )
+    assert relaxation.choice_in_words(2.0, 0.3, asked=False).startswith(
         "the data do not need relaxation (AIC +2.0; 30 %"
     )
 
