@@ -1,6 +1,7 @@
 """Common parts of all tests: the `shared` folder, the `--slow` option, and `from order import ...`."""
 
 import gc
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +21,17 @@ if str(TESTS.parent) not in sys.path:
     sys.path.append(str(TESTS.parent))
 
 
+# A process of `-n` has one core: more threads wait for one another in busy loops. Commands do the same.
+for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+    os.environ.setdefault(library, "1")
+
 gc.disable()  # what is collected stays, and a search for garbage in it takes ever longer
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With -n, let workers and the commands that they start share the modules' bytecode: compile it once."""
+    if config.getoption("numprocesses", None):
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_collection_finish() -> None:

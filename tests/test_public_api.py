@@ -1,7 +1,4 @@
-"""The public names of the packages: loaded at first use, the same for a type checker and at run time.
-
-Scripts import `kolsky`: its names are documented, and scripts need no other names.
-"""
+"""The public names of the packages: loaded at first use, the same for a type checker and at run time."""
 
 import ast
 import inspect

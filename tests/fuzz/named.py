@@ -1,9 +1,4 @@
-"""Inputs that must not be accepted silently, hang, fill the memory or end in a traceback, each with its
-tests.
-
-`tests/fuzz/test_named_inputs.py` tests that every named test exists. `docs/validation/robustness.md` shows
-the table.
-"""
+"""Inputs that must not be accepted, hang, flood or end in a traceback, each with its tests."""
 
 from dataclasses import dataclass
 

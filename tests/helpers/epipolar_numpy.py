@@ -5,19 +5,7 @@ from numpy.typing import NDArray
 
 from dic.basics import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
-from dic.stereo.epipolar_search import (
-    ROWS,
-    Candidates,
-    FacetGeometry,
-    Subsets,
-    distance_along,
-    facet_geometry,
-    gradient,
-    normals,
-    sample,
-    smoothed,
-    visible_piece,
-)
+from dic.stereo import epipolar_search
 from dic.stereo.geometry import directions, midpoint
 
 KNOTS = 65  # number of positions on a curve before its division into equal steps
@@ -42,7 +30,7 @@ def curve_distances(
     n = len(pixels0)
     near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
     # equal steps of 1/s are about equal steps along the curve: the disparity goes with 1/s
-    piece = visible_piece(rig, directions(rig.cameras[0], pixels0), shape1, (near, far))
+    piece = epipolar_search.visible_piece(rig, directions(rig.cameras[0], pixels0), shape1, (near, far))
     inverse = piece[:, :1] + (piece[:, 1:] - piece[:, :1]) * np.linspace(0.0, 1.0, KNOTS)
     for _ in range(NARROWINGS):  # limit to the part of the curve in camera 1's picture
         seen = shows(rig.cameras[1], points_along(rig, pixels0, 1.0 / inverse), shape1)
@@ -87,7 +75,7 @@ def _axes_meet(rig: StereoRig) -> float:
     first, second = rig.cameras
     centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
     meet = midpoint(rig, centres[0], centres[1])
-    s = float(distance_along(rig, centres[0], meet))
+    s = float(epipolar_search.distance_along(rig, centres[0], meet))
     if not (np.isfinite(s) and s > 0.0):
         baseline = float(np.linalg.norm(second.centre - first.centre))
         s = 3.0 * baseline
@@ -96,13 +84,13 @@ def _axes_meet(rig: StereoRig) -> float:
 
 def search(
     rig: StereoRig,
-    wanted: Subsets,
+    wanted: epipolar_search.Subsets,
     picture1: NDArray[np.float32],
     *,
     limits: tuple[float, float] | None,
     turns: FloatArray | None = None,
     gradients: FloatArray | None = None,
-) -> Candidates:
+) -> epipolar_search.Candidates:
     """The best position of each subset on its epipolar curve, and the second peak.
 
     ``rig``: the cameras. ``wanted``: the templates. ``picture1``: camera 1's picture, shape [rows,
@@ -112,12 +100,14 @@ def search(
     shape [n, 2, 2], constant along its curve. Returns: one row per point.
     """
     n, shape1 = len(wanted.points), (picture1.shape[0], picture1.shape[1])
-    found = Candidates(np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan))
+    found = epipolar_search.Candidates(
+        np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan)
+    )
     places = wanted.places
     distances = curve_distances(rig, places, shape1, limits, float(wanted.stride))
-    smooth = smoothed(picture1, wanted.stride)
+    smooth = epipolar_search.smoothed(picture1, wanted.stride)
     per_point = distances.shape[1] * (len(turns) if turns is not None else 1)
-    batch = max(1, ROWS // max(per_point, 1))
+    batch = max(1, epipolar_search.ROWS // max(per_point, 1))
     for start in range(0, n, batch):
         rows = np.arange(start, min(start + batch, n))
         s = distances[rows]
@@ -138,14 +128,14 @@ def _gradients(
     """Gradient of camera 1's pixel by camera 0's for every position and rotation, shape [n, k, h, 2, 2]."""
     if given is not None:
         return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
-    seen = facet_geometry(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
-    n = normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
-    wide = FacetGeometry(*(np.expand_dims(part, 2) for part in seen))
-    return gradient(wide, s[..., None], n)
+    seen = epipolar_search.facet_geometry(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
+    n = epipolar_search.normals(rig, seen.X, np.zeros((1, 2)) if turns is None else turns)
+    wide = epipolar_search.FacetGeometry(*(np.expand_dims(part, 2) for part in seen))
+    return epipolar_search.gradient(wide, s[..., None], n)
 
 
 def _correlate(
-    wanted: Subsets, picture: NDArray[np.float32], centre: FloatArray, A: FloatArray
+    wanted: epipolar_search.Subsets, picture: NDArray[np.float32], centre: FloatArray, A: FloatArray
 ) -> FloatArray:
     """ZNCC of every subset at all its positions with all gradients, shape [n, k, h]; -1 where there is
     none."""
@@ -159,7 +149,7 @@ def _correlate(
     origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
     x += origin[:, 0, None]
     y += origin[:, 1, None]
-    grey = sample(picture, x, y).reshape(n, k * h, -1)
+    grey = epipolar_search.sample(picture, x, y).reshape(n, k * h, -1)
     template, weight = wanted.template[:, None], wanted.weight[:, None]
     zncc = correlation(grey, template, weight)
     # pixels outside the picture do not count; less than half a subset has no correlation
@@ -178,7 +168,7 @@ def _correlate(
 
 
 def _keep_best(
-    found: Candidates,
+    found: epipolar_search.Candidates,
     rows: IntArray,
     points: FloatArray,
     s: FloatArray,

@@ -1,5 +1,4 @@
-"""Small kernels for the translator, with structs of a few arrays. They are launched over lanes and by
-Warp."""
+"""Small kernels for the translator, with structs of a few arrays, launched over lanes and by Warp."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -1,9 +1,4 @@
-"""A sweep of 4000 quick runs into a ledger, in a separate process that can be killed.
-
-    python ledger_sweep.py LEDGER LOG
-
-Every run is written to LOG, 4 bytes per run, before its chunk is returned.
-"""
+"""A sweep of 4000 quick runs that can be killed: LEDGER LOG; 4 bytes go to LOG before a chunk returns."""
 
 import os
 import signal

@@ -1,5 +1,4 @@
-"""A synthetic flyer in closed form. It is pushed, pulled by its joint, stopped by a specimen, pushed back and
-hit."""
+"""A flyer in closed form: pushed, pulled by its joint, stopped by a specimen, pushed back and hit."""
 
 from dataclasses import dataclass
 

@@ -1,11 +1,7 @@
 """Speckle pictures in closed form, of a plane and of a cylinder, with known motion.
 
-A pattern is a sum of Gaussians in the material. The grey value of a pixel is that of the pattern at the
-visible material point. There is no interpolation, and the motion is exact.
-
-The lens distortion is removed from every sub-pixel ray, and the ray is intersected with the cylinder. Its
-grey value is that of the speckle pattern at this point, a function of the arc length and the height. No
-picture is warped or interpolated, so the true match of a pixel has a closed form.
+The grey value of a pixel is that of the pattern, a sum of Gaussians, at the visible material point. On a
+cylinder this is where its undistorted ray meets the surface. No picture is warped or interpolated.
 """
 
 from collections.abc import Callable
@@ -39,13 +35,8 @@ class SpecklePattern:
     level: float  # grey value far from any speckle [grey]
 
     def grey(self, X: FloatArray) -> FloatArray:
-        """Grey values at positions of the material picture [grey], shape [...].
-
-        ``X``: positions (x, y) [px], shape [..., 2].
-        """
-        X = np.asarray(X, dtype=np.float64)
-        places = X.reshape(-1, 2)
-        return self._sum(places).reshape(X.shape[:-1])
+        """Grey values [grey] at positions (x, y) of the material picture [px], shape [..., 2]."""
+        return self._sum(X.reshape(-1, 2)).reshape(X.shape[:-1])
 
     @cached_property
     def _cells(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -101,12 +92,8 @@ def speckle_pattern(
 
     ``shape``: rows and columns of the material picture [px]. ``size``: full width of the pattern's
     autocorrelation at half its height [px]. ``contrast``, ``level``: standard deviation and mean of the grey
-    value [grey]. ``margin``: width of the pattern beyond the picture [px]. ``seed``: seed of the random
-    positions. Raises ValueError if a size or contrast is not positive.
+    value [grey]. ``margin``: width of the pattern beyond the picture [px].
     """
-    for name, value in (("size", size), ("contrast", contrast)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive, got {value}")
     spread, pitch = size / (4.0 * np.sqrt(np.log(2.0))), 0.7 * size
     rng = np.random.default_rng(seed)
     across, along = (np.arange(-margin, extent + margin, pitch) for extent in (shape[1], shape[0]))
@@ -141,15 +128,8 @@ def render(
     0 to 1. 0 samples the pixel's centre. A larger value gives the mean over the square by 3 x 3 Gauss points.
     ``gain``, ``offset``: grey values are ``gain × pattern + offset``, as under another light. ``noise``:
     standard deviation of Gaussian noise, independent from pixel to pixel [grey]. ``bits``: the camera's
-    depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises ValueError if the
-    fill is outside 0 to 1, the noise is negative, or the bits are outside 1 to 16.
+    depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither.
     """
-    if not 0.0 <= fill <= 1.0:
-        raise ValueError(f"fill must be from 0 to 1, got {fill}")
-    if not (np.isfinite(noise) and noise >= 0.0):
-        raise ValueError(f"noise must be finite and not negative, got {noise}")
-    if bits is not None and not 1 <= bits <= 16:
-        raise ValueError(f"bits must be from 1 to 16 or None, got {bits}")
     rows, columns = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     centres = np.stack([columns, rows], axis=-1).astype(np.float64)
     node, weight = (np.zeros(1), np.ones(1)) if fill == 0.0 else np.polynomial.legendre.leggauss(3)

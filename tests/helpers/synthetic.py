@@ -12,18 +12,7 @@ from numpy.typing import NDArray
 
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.result import (
-    ClockLag,
-    Comparison,
-    Contribution,
-    Estimate,
-    FitQuality,
-    Identification,
-    Route,
-    RouteDifference,
-    SurrogateCurve,
-    Verdict,
-)
+from kolsky.inverse import result
 from kolsky.inverse.run_table import DesignTable, Terms
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +70,7 @@ def synthetic(
     shot: str = "made-up-01",
     nodes: bool = True,
     seed: int = 1,
-) -> Identification:
+) -> result.Identification:
     """A result with the free parameters `names` (of `OPTIMUM`)."""
     rng = np.random.default_rng(seed)
     comparison = _comparison(rng)
@@ -90,7 +79,7 @@ def synthetic(
     terms = _terms(comparison)
     offsets = {"joint": 0.0, "force only": 0.9, "shape only": -1.6, "paper": 1.3}
     routes = tuple(
-        Route(
+        result.Route(
             name=route,
             parameters={n: v + offset * SIGMA[n] for n, v in optimum.items()},
             cost=terms.phi if route == "paper" else terms.chi2,
@@ -98,12 +87,12 @@ def synthetic(
             correction={} if route == "paper" else {n: 0.1 * MESH_SHIFT[n] for n in names},
             budget=()
             if route == "paper"
-            else (Contribution("flyer motion", {n: SIGMA[n] * (1.0 + abs(offset)) for n in names}),),
+            else (result.Contribution("flyer motion", {n: SIGMA[n] * (1.0 + abs(offset)) for n in names}),),
         )
         for route, offset in offsets.items()
     )
     estimates = {
-        name: Estimate(
+        name: result.Estimate(
             name=name,
             unit=UNITS[name],
             value=OPTIMUM[name],
@@ -117,21 +106,21 @@ def synthetic(
                 "flyer motion": 0.48 * SIGMA[name],
                 "material curve": 0.36 * SIGMA[name],
             },
-            outcome=Verdict.IDENTIFIED,
+            outcome=result.Verdict.IDENTIFIED,
         )
         for name in names
     }
-    return Identification(
+    return result.Identification(
         shot=shot,
         estimates=estimates,
         fixed={name: value for name, value in FIXED.items() if name not in names},
         routes=routes,
-        route_difference=RouteDifference(
+        route_difference=result.RouteDifference(
             values={n: 2.5 * SIGMA[n] for n in names},
             sigma={n: 2.0 * SIGMA[n] for n in names},
             budget=(
-                Contribution("force and shape", {n: 1.6 * SIGMA[n] for n in names}),
-                Contribution("flyer motion", {n: 1.2 * SIGMA[n] for n in names}),
+                result.Contribution("force and shape", {n: 1.6 * SIGMA[n] for n in names}),
+                result.Contribution("flyer motion", {n: 1.2 * SIGMA[n] for n in names}),
             ),
         ),
         terms=terms,
@@ -148,18 +137,18 @@ def synthetic(
         warnings=("the made-up specimen does not exist (nominal strain -0.8)", "nor does its flyer"),
         fit=fit(names),
         clocks=(
-            ClockLag("force", -0.2e-6, 0.5e-6, 0.2, True, "scope.csv", "force.clock_offset"),
-            ClockLag("outline", 0.1e-6, 0.4e-6, 0.1, True, "outline.csv", "centre_line.frame"),
-            ClockLag("flyer", 0.1e-6, 0.4e-6, 0.1, True, "flyer.csv", "flyer.frame"),
+            result.ClockLag("force", -0.2e-6, 0.5e-6, 0.2, True, "scope.csv", "force.clock_offset"),
+            result.ClockLag("outline", 0.1e-6, 0.4e-6, 0.1, True, "outline.csv", "centre_line.frame"),
+            result.ClockLag("flyer", 0.1e-6, 0.4e-6, 0.1, True, "flyer.csv", "flyer.frame"),
         ),
         seconds={"design": 8.4, "refinement": 3.2, "check": 11.3, "noise": 4.9},
         provenance=_provenance(seed),
     )  # fmt: skip
 
 
-def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
+def fit(names: tuple[str, ...]) -> tuple[result.FitQuality, result.FitQuality]:
     """The residual of a correct model: as large as predicted."""
-    force = FitQuality(
+    force = result.FitQuality(
         channel="force", unit="N", values=130, residual=0.2, predicted={"noise": 0.12, "flyer motion": 0.16},
         peak=70.0, slow_residual=0.03, slow_expected=0.04, chi2=2.78, discrepancy_share=0.64, correlation=0.3,
         whiteness=0.001, weight=dict.fromkeys(names, 0.7), limit=2.0, slow_limit=2.5,
@@ -172,14 +161,14 @@ def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
     return force, outline
 
 
-def failed() -> Identification:
+def failed() -> result.Identification:
     """The same shot when no simulation of the design completed: every number that needs a run is NaN."""
     good = synthetic()
     count = len(good.design.outcomes)
     lost = np.full(count, np.nan)
     estimate = replace(
         good.estimates["stiffness_factor"], value=np.nan, sigma_noise=np.nan, sigma_numerical=np.nan,
-        mesh_shift=np.nan, noise_parts={}, outcome=Verdict.FAILED,
+        mesh_shift=np.nan, noise_parts={}, outcome=result.Verdict.FAILED,
     )  # fmt: skip
     response = good.response
     gone = {n: np.full_like(v, np.nan) for n, v in vars(response.energy).items()}
@@ -223,7 +212,7 @@ def failed() -> Identification:
     )
 
 
-def _comparison(rng: np.random.Generator) -> Comparison:
+def _comparison(rng: np.random.Generator) -> result.Comparison:
     time = SAMPLE_STEP * np.arange(SAMPLES)
     recorded = ForceHistory(
         time=time,
@@ -243,7 +232,7 @@ def _comparison(rng: np.random.Generator) -> Comparison:
     model = np.concatenate([outline(eta[i], t) for i, t in enumerate(frames)])
     inside = eta.ravel() <= 1.0
     drift = 5e-6 * np.sin(2.0 * np.pi * frames[frame] / 0.9e-3) * np.cos(np.pi * eta.ravel())
-    return Comparison(
+    return result.Comparison(
         force_time=centres,
         force_measured=recorded.force.reshape(-1, per_bin).mean(axis=1),
         force_sigma=np.full(centres.size, NOISE_FORCE / np.sqrt(per_bin)),
@@ -258,7 +247,7 @@ def _comparison(rng: np.random.Generator) -> Comparison:
     )  # fmt: skip
 
 
-def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, float, float]:
+def _misfit(parameters: dict[str, float], c: result.Comparison) -> tuple[float, float, float, float]:
     """Phi_S, Phi_F, chi2 shape and chi2 force, with a linear dependence of force and outline on the
     parameters."""
     change = parameters.get("stiffness_factor", OPTIMUM["stiffness_factor"]) - OPTIMUM["stiffness_factor"]
@@ -274,7 +263,7 @@ def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, 
     return phi_shape, phi_force, float(np.sum((rZ / sigma) ** 2)), float(np.sum((rF / c.force_sigma) ** 2))
 
 
-def _terms(c: Comparison) -> Terms:
+def _terms(c: result.Comparison) -> Terms:
     phi_shape, phi_force, chi2_shape, chi2_force = _misfit({}, c)
     return Terms(
         phi_shape=phi_shape, phi_force=phi_force, phi=phi_force / 1000.0 + phi_shape / 0.001,
@@ -285,8 +274,8 @@ def _terms(c: Comparison) -> Terms:
 
 
 def _design(
-    names: tuple[str, ...], c: Comparison, rng: np.random.Generator
-) -> tuple[DesignTable, tuple[SurrogateCurve, ...]]:
+    names: tuple[str, ...], c: result.Comparison, rng: np.random.Generator
+) -> tuple[DesignTable, tuple[result.SurrogateCurve, ...]]:
     lower, upper = (np.array([BOUNDS[name][end] for name in names]) for end in (0, 1))
     # One stratum per run and a random order in each column: a Latin hypercube.
     unit = np.stack([(rng.permutation(16) + rng.random(16)) / 16.0 for _ in names], axis=1)
@@ -323,7 +312,7 @@ def _design(
         x = np.linspace(OPTIMUM[name] - reach, OPTIMUM[name] + reach, 121)
         along = np.array([_misfit({name: value}, c) for value in x])
         curves.append(
-            SurrogateCurve(
+            result.SurrogateCurve(
                 parameter=name,
                 x=x,
                 chi2=along[:, 2] * weight_shape + along[:, 3] * weight_force,

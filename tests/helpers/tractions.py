@@ -1,5 +1,4 @@
-"""Force of a sheet on its pad from the stress of the elements at the pad (Sutula and others 2020, Eq.
-K.5)."""
+"""Force of a sheet on its pad from the elements' stress (Sutula and others 2020, Eq. K.5)."""
 
 from dataclasses import dataclass, replace
 
@@ -21,9 +20,7 @@ class BoundaryEdges:
 
 
 def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
-    """Find the boundary edges with both points in a set."""
-    if mesh.kind != "tri3":
-        raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
+    """Find the boundary edges of triangles with both points in a set."""
     inside = np.zeros(len(mesh.points), dtype=bool)
     inside[mesh.nodes(where)] = True
     pairs = mesh.cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

@@ -1,27 +1,14 @@
-"""A synthetic reduction for tests of files, figures and pages. It is not physical, but its shapes are
-consistent."""
+"""A synthetic reduction for tests of files, figures and pages, with consistent shapes, not physical."""
 
 import numpy as np
 
-from kolsky.bars.records import (
-    BarSignal,
-    BudgetTable,
-    Contribution,
-    Correction,
-    FaceWaves,
-    History,
-    Quantity,
-    Reduction,
-    Signal,
-    WavesResult,
-    Windows,
-)
+from kolsky.bars import records
 from kolsky.base.apparatus import Bar, Specimen
 
 BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=210e9, density=7800.0)
 
 
-def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
+def made_result(name: str = "made up", *, balanced: bool = True) -> records.WavesResult:
     """Trapezoid pulses in a steel bar and a specimen that yields."""
     interval, n = 0.2e-6, 4000
     t = interval * np.arange(n)
@@ -32,8 +19,8 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
 
     noise = np.random.default_rng(1).normal(0.0, 4e-6, (2, n))
     seen = pulse(100e-6, 1e-3) + pulse(500e-6, -0.7e-3) + noise[0]
-    incident = Signal(0.0, interval, seen, 4e-6, "1", "incident")
-    transmitted = Signal(0.0, interval, pulse(440e-6, 0.3e-3) + noise[1], 4e-6, "1", "transmission")
+    incident = records.Signal(0.0, interval, seen, 4e-6, "1", "incident")
+    transmitted = records.Signal(0.0, interval, pulse(440e-6, 0.3e-3) + noise[1], 4e-6, "1", "transmission")
     m = 800
     time = interval * np.arange(m)
     shape = pulse(5e-6, 1.0)[:m]
@@ -41,11 +28,11 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
     strain = np.cumsum(rate) * interval
     stress = 180e6 * shape
 
-    def history(values: np.ndarray, relative: float, unit: str) -> History:
-        return History(values, relative * np.abs(values) + 1e-3 * np.abs(values).max(), unit)
+    def history(values: np.ndarray, relative: float, unit: str) -> records.History:
+        return records.History(values, relative * np.abs(values) + 1e-3 * np.abs(values).max(), unit)
 
     ways = ("one wave", "two waves", "three waves")
-    reduction = Reduction(
+    reduction = records.Reduction(
         time=time,
         strain={w: history(strain * f, 0.01, "1") for w, f in zip(ways, (0.98, 1.01, 1.0), strict=True)},
         rate={w: history(rate * f, 0.01, "1/s") for w, f in zip(ways, (0.98, 1.01, 1.0), strict=True)},
@@ -57,15 +44,15 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
         imbalance=np.where(shape > 0.01, 0.03 + 0.5 * np.exp(-time / 15e-6), np.inf),
         balanced=(55e-6, 150e-6) if balanced else None,
     )
-    modulus = Quantity("bars, Young's modulus", 210e9, 1e9, "Pa", "B")
-    return WavesResult(
+    modulus = records.Quantity("bars, Young's modulus", 210e9, 1e9, "Pa", "B")
+    return records.WavesResult(
         name=name,
         specimen=Specimen(diameter=0.01, length=0.004, density=1200.0),
         load="compression",
-        incident=BarSignal(incident, BAR, 1.0, "incident"),
-        transmission=BarSignal(transmitted, BAR, 0.7, "transmission"),
-        windows=Windows((95e-6, 260e-6), (495e-6, 660e-6), (435e-6, 600e-6), "arrival"),
-        faces=FaceWaves(
+        incident=records.BarSignal(incident, BAR, 1.0, "incident"),
+        transmission=records.BarSignal(transmitted, BAR, 0.7, "transmission"),
+        windows=records.Windows((95e-6, 260e-6), (495e-6, 660e-6), (435e-6, 600e-6), "arrival"),
+        faces=records.FaceWaves(
             time=time,
             incident=1e-3 * shape,
             reflected=-0.7e-3 * shape,
@@ -76,12 +63,14 @@ def made_result(name: str = "made up", *, balanced: bool = True) -> WavesResult:
         ),
         reduction=reduction,
         corrections=(
-            Correction("dispersion, incident wave", "dispersion", True, 4e-5, 1e-5, "1", "nu = 0.29"),
-            Correction("punching", "punching", False, 2e-6, 1e-6, "m", "switched off in the shot file"),
+            records.Correction("dispersion, incident wave", "dispersion", True, 4e-5, 1e-5, "1", "nu = 0.29"),
+            records.Correction(
+                "punching", "punching", False, 2e-6, 1e-6, "m", "switched off in the shot file"
+            ),
         ),
-        budget=BudgetTable(
+        budget=records.BudgetTable(
             results={"peak stress": (180e6, 2e6, "Pa"), "largest strain": (0.11, 0.001, "1")},
-            contributions=(Contribution(modulus, {"peak stress": 0.9, "largest strain": 0.2}),),
+            contributions=(records.Contribution(modulus, {"peak stress": 0.9, "largest strain": 0.2}),),
         ),
         facts={"wave speed, incident bar": (BAR.wave_speed, "m/s"), "sample interval": (interval, "s")},
         remarks=() if balanced else ("the forces are never balanced; use `kolsky identify`",),

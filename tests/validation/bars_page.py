@@ -1,8 +1,4 @@
-"""Numbers and figures of the page on real bar signals: `python tests/validation/bars_page.py`.
-
-Page, figures and `test_real_bars.py` call the same functions of `real_bars`. The data are from other
-laboratories, in a folder `shared` next to the repository.
-"""
+"""Numbers and figures of the page on real bar signals: `python tests/validation/bars_page.py`."""
 
 import json
 import sys

@@ -1,5 +1,4 @@
-"""Write the numbers of docs/validation/baseline.md: specimens of other programs with correction of the end
-friction (tests/helpers/page_values.py)."""
+"""Write the numbers of docs/validation/baseline.md: the end friction of specimens of other programs."""
 
 import json
 import sys

@@ -1,5 +1,4 @@
-"""Radius of synthetic cylinders with and without correction of the curvature: the table of
-docs/validation/curved_subsets.md."""
+"""The table of docs/validation/curved_subsets.md: radii with and without correction of the curvature."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

@@ -1,5 +1,4 @@
-"""Write the numbers of docs/validation/healing.md: tables of a self-healing actuator, recomputed from their
-printed values (tests/helpers/page_values.py)."""
+"""Write the numbers of docs/validation/healing.md: printed tables of a healing actuator, recomputed."""
 
 import sys
 from pathlib import Path

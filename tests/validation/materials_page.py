@@ -1,8 +1,4 @@
-"""Numbers and figure of the page on laws of soft materials: `python tests/validation/materials_page.py`.
-
-Page and `test_soft_laws.py` call the same functions of `softlaws`. The data are from other authors, in a
-folder `shared` next to the repository.
-"""
+"""Numbers and figure of the page on laws of soft materials: `python tests/validation/materials_page.py`."""
 
 import sys
 from pathlib import Path

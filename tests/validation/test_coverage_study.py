@@ -1,5 +1,4 @@
-"""The reduced study of coverage: checks of the synthetic experiments, and identification of a dozen of
-them."""
+"""The reduced study of coverage: checks of the experiments, and identification of a dozen of them."""
 
 import json
 import sys

@@ -1,5 +1,4 @@
-"""The stereo match on real pictures: a cylinder in five positions (MultiDIC), a steel specimen (Stereo-DIC
-Challenge), and the first pictures of a known-answer shot."""
+"""The stereo match on pictures of MultiDIC, of the Stereo-DIC Challenge and of a known-answer shot."""
 
 import json
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""Reduction of bar signals of other laboratories: epoxy (Yao) and OFE copper (Los Alamos).
-
-Values that are not in the files are listed here with their sources.
-"""
+"""Bar signals of other laboratories, epoxy (Yao) and OFE copper (Los Alamos), and their sources."""
 
 import gzip
 from dataclasses import dataclass

@@ -13,13 +13,7 @@ from kolsky.bars.flyer.events import flyer_events
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer, path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, synchronise
 from kolsky.bars.records import History, Quantity, Signal
-from kolsky.bars.reduction.inertia import (
-    axial_stress,
-    compensate_mass,
-    correct_radial_inertia,
-    path_acceleration,
-    radial_pressure,
-)
+from kolsky.bars.reduction import inertia
 from kolsky.bars.reduction.validity import Reason, validity
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -116,7 +110,7 @@ def rms(values):
 def front_force(shot, time):
     """The incident force after mass compensation."""
     gauge = shot.at(shot.incident, time)
-    return compensate_mass(gauge, path_acceleration(shot.path, time), shot.mass)
+    return inertia.compensate_mass(gauge, inertia.path_acceleration(shot.path, time), shot.mass)
 
 
 def test_the_transmitted_force_is_within_its_noise(shot):
@@ -183,10 +177,10 @@ def test_the_validity_window_of_a_soft_specimen_is_nearly_empty(shot):
     back = shot.at(shot.transmitted, t)
     strain, rate, second = path_strain(shot.path, t, length=shot.specimen.length)
     size = shot.specimen
-    radial = radial_pressure(
+    radial = inertia.radial_pressure(
         strain.value, rate.value, second.value, density=size.density, radius=size.radius
     ) / (1.0 - strain.value)
-    axial = axial_stress(second.value, density=size.density, length=size.length)
+    axial = inertia.axial_stress(second.value, density=size.density, length=size.length)
     for average in (0.0, 1 / 120e3, 20e-6):
         found = validity(
             t, front, back, strain, inertial_stress=radial - axial, area=size.area, average=average
@@ -204,7 +198,7 @@ def test_radial_inertia_is_a_correction_with_its_size(shot):
     strain, rate, second = path_strain(shot.path, t, length=shot.specimen.length)
     force = shot.at(shot.transmitted, t)
     stress = History(force.value / shot.specimen.area, force.sigma / shot.specimen.area, "Pa")
-    found, log = correct_radial_inertia(stress, strain, rate, second, shot.specimen)
+    found, log = inertia.correct_radial_inertia(stress, strain, rate, second, shot.specimen)
     late = t > 0.3e-3
     true, displacement = shot.truth["t"], shot.truth["d"].astype(float)
     smooth = np.polynomial.Polynomial.fit(true[true > 0.12e-3], displacement[true > 0.12e-3], 3)
@@ -231,8 +225,8 @@ def test_a_late_clock_costs_newtons(shot):
     """Why the clocks are checked: 2 us late the compensation is off by tens of newtons in the ramp."""
     t = shot.times()[20:]
     late = replace(shot.path, knots=shot.path.knots + 2e-6)
-    a = path_acceleration(late, t[t <= late.end])
+    a = inertia.path_acceleration(late, t[t <= late.end])
     gauge = shot.at(shot.incident, t[t <= late.end])
-    wrong, _ = compensate_mass(gauge, a, shot.mass)
+    wrong, _ = inertia.compensate_mass(gauge, a, shot.mass)
     right, _ = front_force(shot, t[t <= late.end])
     assert np.abs(wrong.value - right.value).max() > 30.0

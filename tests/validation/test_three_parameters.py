@@ -1,7 +1,4 @@
-"""The default: m, nu and beta of known-answer shots, two of them with other nu and beta than declared.
-
-Each shot is identified once. Every test uses this answer.
-"""
+"""The default: m, nu and beta of known-answer shots; two have other nu and beta than declared."""
 
 import json
 import shutil

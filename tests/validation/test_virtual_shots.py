@@ -12,14 +12,7 @@ from kolsky.identification import identify
 from kolsky.inverse.result import Identification
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.load import load_shot
-from kolsky.studies.budget.realisation import (
-    RealisationOutcome,
-    Realisations,
-    factors_of,
-    refit,
-    same_valley,
-    whole_search,
-)
+from kolsky.studies.budget import realisation
 from kolsky.studies.sweep import sweep
 from kolsky.virtual.make import make
 from kolsky.virtual.schema import Specification
@@ -50,15 +43,15 @@ def test_right_shot_gives_its_stiffness(tmp_path: Path, material: str) -> None:
     meshes = {"numerics": Numerics(mesh=(16, 22)), "refined_mesh": (32, 44)}
     settings = Settings(free=ALONE, replicates=0, **meshes)
     shot = load_shot(tmp_path / "shot")
-    found = whole_search(shot, settings)
+    found = realisation.whole_search(shot, settings)
     # 32 x 44 elements leave 0.4 % of a mesh's error at most, noise 0.2 %.
     assert found.values["stiffness_factor"] == pytest.approx(
         series.declared.material.stiffness_factor, rel=0.01
     )
     # Least squares on the refined mesh find the same valley again from 2 % away.
-    near = refit(shot, settings, {"stiffness_factor": 1.02 * found.values["stiffness_factor"]})
-    assert near.outcome is RealisationOutcome.REFITTED
-    assert same_valley(near, found)
+    near = realisation.refit(shot, settings, {"stiffness_factor": 1.02 * found.values["stiffness_factor"]})
+    assert near.outcome is realisation.RealisationOutcome.REFITTED
+    assert realisation.same_valley(near, found)
 
 
 def test_realisations_of_a_budget() -> None:
@@ -66,9 +59,9 @@ def test_realisations_of_a_budget() -> None:
     test = Specification.model_validate(
         {"truth": {"mesh": [8, 11]}, "motion": {"compression": "15 %"}, "frames": {"rate": "60 kHz"}}
     )
-    factors = factors_of({"imperfections.poisson": 0.001})
+    factors = realisation.factors_of({"imperfections.poisson": 0.001})
     settings = Settings(free=ALONE, numerics=Numerics(mesh=(6, 8)), refined_mesh=(8, 11), replicates=0)
-    realise = Realisations(test, Path(), factors, settings)
+    realise = realisation.Realisations(test, Path(), factors, settings)
     right, wrong = realise(np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]]))
     assert right.completed
     near, whole = right.results
@@ -87,7 +80,7 @@ def test_realisations_of_a_budget() -> None:
     assert not wrong.completed
     assert "declared poisson = 0.501" in wrong.reason
     assert np.isnan(wrong.results).all()
-    assert realise.model_hash() != Realisations(test, Path(), factors[:1], settings).model_hash()
+    assert realise.model_hash() != realisation.Realisations(test, Path(), factors[:1], settings).model_hash()
 
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"

@@ -1,5 +1,4 @@
-"""The whole flyer test from the striker's impact on, compared with Fig. 5 and numbers of Mates et al.
-(2012)."""
+"""The flyer test from the striker's impact on, against Fig. 5 and numbers of Mates et al. (2012)."""
 
 from dataclasses import dataclass, replace
 from functools import cache

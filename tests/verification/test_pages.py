@@ -1,5 +1,4 @@
-"""The committed manual is complete: every topic has its test, page and figure, there are no other files, and
-a page has all its values."""
+"""The committed manual is complete: every topic has its test, page and figure, every page all its values."""
 
 import ast
 import builtins

@@ -1,5 +1,4 @@
-"""The renderer of synthetic pictures, compared with closed forms, an independent ray cast, and two
-correlations."""
+"""Synthetic pictures, compared with closed forms, an independent ray cast, and two correlations."""
 
 from functools import cache
 from types import SimpleNamespace

@@ -112,19 +112,17 @@ def by_sensitivities() -> tuple[Example, ...]:
 
 def by_draws(rng: np.random.Generator) -> tuple[tuple[Example, ...], float]:
     """GUM H.1.7, JCGM 101 9.2 and 9.4; how far the GUM's interval is off in 9.2.4, over u."""
-    normal = dict.fromkeys((q.name for q in END_GAUGE), "normal")
-    second = monte_carlo(end_gauge, END_GAUGE, trials=20_000, rng=rng, distributions=normal)["length"]
+    second = monte_carlo(end_gauge, END_GAUGE, trials=20_000, rng=rng)["length"]
     found = [Example("GUM H.1.7", "u_c with the second order [nm]", "34", float(second.sigma))]
-    for clause, last, kind, u, end in (
-        ("9.2.2", 1.0, "normal", "2.0", "3.92"),
-        ("9.2.3", 1.0, "rectangular", "2.0", "3.88"),
-        ("9.2.4", 10.0, "rectangular", "10.1", "17.0"),
+    for clause, last, rectangular, u, end in (
+        ("9.2.2", 1.0, "", "2.0", "3.92"),
+        ("9.2.3", 1.0, "abcd", "2.0", "3.88"),
+        ("9.2.4", 10.0, "abcd", "10.1", "17.0"),
     ):
         inputs = [
             quantity(name, 0.0, sigma) for name, sigma in zip("abcd", (1.0, 1.0, 1.0, last), strict=True)
         ]
-        kinds = dict.fromkeys("abcd", kind)
-        spread = monte_carlo(total, inputs, trials=40_000, rng=rng, distributions=kinds)["Y"]
+        spread = monte_carlo(total, inputs, trials=40_000, rng=rng, rectangular=rectangular)["Y"]
         found.append(Example(f"JCGM 101, {clause}", "u(y)", u, float(spread.sigma)))
         found.append(Example(f"JCGM 101, {clause}", "end of the 95 % interval", end, float(spread.high)))
         off = difference(propagate(total, inputs), "Y", spread)
@@ -212,14 +210,13 @@ def case() -> Result:
     """All examples; the bar test both ways; series of tests."""
     rng = np.random.default_rng(20)
     budgeted, (drawn, wide) = by_sensitivities(), by_draws(rng)
-    normal = dict.fromkeys((q.name for q in INPUTS), "normal")
     return Result(
         budgeted=budgeted,  # by sensitivities
         drawn=drawn,  # by draws
         # JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u
         wide=wide,
         budget=propagate(reduced, INPUTS, noise=noise()),  # of the bar test
-        spread=monte_carlo(reduced, INPUTS, trials=TRIALS, rng=rng, distributions=normal),  # of its draws
+        spread=monte_carlo(reduced, INPUTS, trials=TRIALS, rng=rng),  # of its draws
         held=held(rng),  # share of series whose interval holds the truth, by factor, over `COUNTS`
     )
 

@@ -1,5 +1,4 @@
-"""Editing of a shot file in a page: single changes, comments, undo, conflicts, and the start from raw
-files."""
+"""Editing of a shot file in a page: single changes, comments, undo, conflicts, the start from raw files."""
 
 from __future__ import annotations
 
@@ -20,24 +19,8 @@ from nicegui import ui
 from nicegui.testing import User
 from simulated import walk
 
+from kolsky.app import signals
 from kolsky.app.draft import Conflict, Draft, choices, fields_of, optional_keys, series_toml
-from kolsky.app.signals import (
-    MOST_POINTS,
-    Signal,
-    assigned,
-    change_signal,
-    changes,
-    curve_signal,
-    declared_series,
-    entry,
-    force_signal,
-    interval_of,
-    motion_signal,
-    on_clock,
-    picture_series,
-    rig_files,
-    thinned,
-)
 from kolsky.base.errors import InputError
 from kolsky.shot.load import check_shot
 from kolsky.survey.blank_file import write_new
@@ -157,8 +140,8 @@ def test_long_signals_keep_their_peaks() -> None:
     x = np.arange(100_003.0)
     y = np.sin(x)
     y[77_777] = 5.0
-    fewer, values = thinned(x, y)
-    assert fewer.size <= MOST_POINTS + 2
+    fewer, values = signals.thinned(x, y)
+    assert fewer.size <= signals.MOST_POINTS + 2
     assert values.max() == 5.0
     assert (np.diff(fewer) > 0.0).all()
     assert fewer[-1] == x[-1]
@@ -167,46 +150,46 @@ def test_long_signals_keep_their_peaks() -> None:
 def test_plots_follow_signs_units_and_clocks() -> None:
     text = (OPEN_05 / "shot.toml").read_text("utf-8")
     content = tomllib.loads(text)
-    force = force_signal(OPEN_05, content)
-    moved = motion_signal(OPEN_05, content)
-    curve = curve_signal(OPEN_05, content)
+    force = signals.force_signal(OPEN_05, content)
+    moved = signals.motion_signal(OPEN_05, content)
+    curve = signals.curve_signal(OPEN_05, content)
     assert force is not None
     assert moved is not None
     assert curve is not None
-    assert interval_of(content, "force", "baseline") == pytest.approx((-200.0, 0.0))
-    assert interval_of(content, "window", "start", "end") is None
+    assert signals.interval_of(content, "force", "baseline") == pytest.approx((-200.0, 0.0))
+    assert signals.interval_of(content, "window", "start", "end") is None
     other = tomllib.loads(
         text.replace('compression = "positive"', 'compression = "negative"')
         .replace('clock_offset = "0 us"', 'clock_offset = "10 us"', 1)
         .replace('positive = "toward specimen"', 'positive = "away from specimen"')
         .replace('convention = "tension positive"', 'convention = "compression positive"')
     )
-    turned = force_signal(OPEN_05, other)
+    turned = signals.force_signal(OPEN_05, other)
     assert turned is not None
     np.testing.assert_allclose(turned.x - force.x, 10.0, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(turned.y, -force.y)
     assert "Minus" in turned.y_name
-    np.testing.assert_array_equal(getattr(motion_signal(OPEN_05, other), "y", None), -moved.y)
-    np.testing.assert_array_equal(getattr(curve_signal(OPEN_05, other), "y", None), -curve.y)
+    np.testing.assert_array_equal(getattr(signals.motion_signal(OPEN_05, other), "y", None), -moved.y)
+    np.testing.assert_array_equal(getattr(signals.curve_signal(OPEN_05, other), "y", None), -curve.y)
 
 
 def test_a_motion_follows_the_clock_of_its_frames() -> None:
     text = (OPEN_05 / "shot.toml").read_text("utf-8")
     content = tomllib.loads(text)
-    moved = motion_signal(OPEN_05, content)
+    moved = signals.motion_signal(OPEN_05, content)
     assert moved is not None
-    few = Signal(moved.x[:3], moved.y[:3], "", "")
-    now = on_clock(OPEN_05, content, few)
+    few = signals.Signal(moved.x[:3], moved.y[:3], "", "")
+    now = signals.on_clock(OPEN_05, content, few)
     assert now is not None
     times = np.loadtxt(OPEN_05 / "frames.csv", delimiter=",", skiprows=1)[:3, 1]
     np.testing.assert_allclose(now.x, 1e6 * times, rtol=1e-12)
     before, frames, after = text.partition("[frames]")
     late = before + frames + after.replace('clock_offset = "0 us"', 'clock_offset = "-7 us"', 1)
-    later = on_clock(OPEN_05, tomllib.loads(late), few)
+    later = signals.on_clock(OPEN_05, tomllib.loads(late), few)
     assert later is not None
     np.testing.assert_allclose(later.x - now.x, -7.0, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(later.y, few.y)
-    assert on_clock(OPEN_05, content, Signal(np.array([1e4]), np.zeros(1), "", "")) is None
+    assert signals.on_clock(OPEN_05, content, signals.Signal(np.array([1e4]), np.zeros(1), "", "")) is None
 
 
 RAW_FRAMES, RAW_SIDE, STEP = 8, 32, 10
@@ -230,8 +213,8 @@ def pictures_of_two_cameras(folder: Path) -> Path:
 
 def test_pictures_are_offered_and_compared(tmp_path: Path) -> None:
     folder = pictures_of_two_cameras(tmp_path / "one")
-    assert [one.name for one in picture_series(folder)] == ["cam0_*.png", "cam1_*.png"]
-    assert rig_files(folder) == ["frames.csv", "rig.xml"]
+    assert [one.name for one in signals.picture_series(folder)] == ["cam0_*.png", "cam1_*.png"]
+    assert signals.rig_files(folder) == ["frames.csv", "rig.xml"]
     assert series_toml("pattern", "cam0_*.png", ["192", " "]) == (
         '{ pattern = "cam0_*.png", crop_offset = [192, ""] }'
     )
@@ -243,16 +226,16 @@ def test_pictures_are_offered_and_compared(tmp_path: Path) -> None:
             for i in (0, 1)
         }
     }
-    series = declared_series(folder, content)
-    found = changes(series)
+    series = signals.declared_series(folder, content)
+    found = signals.changes(series)
     assert found is not None
-    signal = change_signal(found)
+    signal = signals.change_signal(found)
     brighter = [0, 0, 0, 0, *(STEP * k for k in range(1, RAW_FRAMES - 3))]
     np.testing.assert_allclose(signal.y, 100.0 * np.array(brighter) / 255.0, rtol=1e-12)
     np.testing.assert_array_equal(signal.x, np.arange(RAW_FRAMES))
     content["pictures"]["camera_1"] = {"pattern": "none_*.png", "crop_offset": [0, 0]}
-    assert declared_series(folder, content) == []
-    assert changes([]) is None
+    assert signals.declared_series(folder, content) == []
+    assert signals.changes([]) is None
 
 
 def test_frames_at_rest_are_chosen_over_the_pictures(tmp_path: Path) -> None:
@@ -315,10 +298,15 @@ def test_a_dragged_stretch_stands_in_the_fields_and_problems_at_theirs(tmp_path:
 
 
 def test_a_chosen_file_brings_its_columns() -> None:
-    assert assigned("curve", entry(OPEN_05, "quasi_static.csv"))["curve.file"] == '"quasi_static.csv"'
-    assert "nominal strain" in str(assigned("curve", entry(OPEN_05, "quasi_static.csv"))["curve.strain"])
+    assert (
+        signals.assigned("curve", signals.entry(OPEN_05, "quasi_static.csv"))["curve.file"]
+        == '"quasi_static.csv"'
+    )
+    assert "nominal strain" in str(
+        signals.assigned("curve", signals.entry(OPEN_05, "quasi_static.csv"))["curve.strain"]
+    )
     with pytest.raises(InputError, match="is not there"):
-        entry(OPEN_05, "none.csv")
+        signals.entry(OPEN_05, "none.csv")
 
 
 def fill(user: User, key: str, typed: str) -> None:

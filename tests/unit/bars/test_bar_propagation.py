@@ -249,9 +249,6 @@ def test_refuses_what_is_not_a_frequency():
 POCHHAMMER_BAR = Bar(0.02, 2.0, 5e9, 1190.0, 0.35)
 ZENER = PronyModulus(5.0e9, (0.5e9,), (12e-6,))
 GUIDE = ViscoelasticWaveguide(POCHHAMMER_BAR, ZENER)
-POCHHAMMER_STEP = 5e-7
-TIME = POCHHAMMER_STEP * np.arange(6000)
-POCHHAMMER_PULSE = Pulse(100e-6, duration=20e-6, rise=15e-6, ripple=0.0)
 
 
 def test_prony_modulus_at_both_ends_and_its_dissipation():

@@ -1,5 +1,4 @@
-"""Drift after the baseline, and a baseline that is not at rest, compared with closed forms and random
-walks."""
+"""Drift after the baseline, and a baseline in motion, compared with closed forms and random walks."""
 
 from types import SimpleNamespace
 
@@ -8,14 +7,7 @@ import pytest
 from elastic_layer import Layer
 
 from kolsky.bars.reduction.windows import check_baselines
-from kolsky.bars.signals.baseline import (
-    CONTRASTS,
-    DRIFTING,
-    check_rest,
-    diffusion,
-    drift_at,
-    drift_quantities,
-)
+from kolsky.bars.signals import baseline
 
 N, STEP = 400, 1e-6
 T = N * STEP
@@ -27,8 +19,8 @@ def test_without_noise_the_strength_is_that_of_the_three_slowest_parts():
     a = np.array([3.0, -2.0, 0.5])
     value = 7.0 + np.sqrt(2.0) * (a @ np.cos(np.outer([1, 2, 3], PHASE))) + 4.0 * np.cos(4 * PHASE)
     expected = float((a**2 * (np.arange(1, 4) * np.pi) ** 2).sum()) / T
-    assert CONTRASTS == 3
-    assert diffusion(value, STEP, sigma=1e-9, memory=1.0) == pytest.approx(
+    assert baseline.CONTRASTS == 3
+    assert baseline.diffusion(value, STEP, sigma=1e-9, memory=1.0) == pytest.approx(
         expected, rel=0.02
     )  # its tail is cut
 
@@ -47,7 +39,7 @@ def test_with_noise_alone_the_strength_is_that_of_the_prior():
         return D ** (1 + power) / (1.0 + D / weakest) / np.sqrt(np.prod(D * gain + s2))
 
     first, zeroth = (quad(density, -30, 45, args=(power,), limit=500)[0] for power in (1, 0))
-    found = diffusion(np.full(N, 3.0), STEP, sigma=sigma, memory=memory)
+    found = baseline.diffusion(np.full(N, 3.0), STEP, sigma=sigma, memory=memory)
     assert found == pytest.approx(first / zeroth, rel=0.02)
 
 
@@ -55,17 +47,19 @@ def test_the_strength_of_walks_is_found():
     """Of 200 walks without noise the sum of a^2 / g has the mean 3 D."""
     rng = np.random.default_rng(3)
     walks = np.cumsum(rng.standard_normal((200, N)), axis=1) * np.sqrt(5.0 * STEP)
-    found = [diffusion(walk, STEP, sigma=1e-6, memory=1.0) for walk in walks]
+    found = [baseline.diffusion(walk, STEP, sigma=1e-6, memory=1.0) for walk in walks]
     assert np.mean(found) == pytest.approx(3.0 * 5.0, rel=0.25)  # 6 % of scatter, three of them and the tail
 
 
 def test_the_modes_are_a_random_walks():
     """Variance D t of their sum up to the ripple of four modes, D L^2 / 2 over the time exactly."""
-    quantities = drift_quantities("incident gauge", 3.0, 2.0)
+    quantities = baseline.drift_quantities("incident gauge", 3.0, 2.0)
     assert [q.name for q in quantities] == [f"incident gauge, drift {k}" for k in (1, 2, 3, 4)]
-    assert all(q.name.rstrip("1234567890 ").endswith(DRIFTING) for q in quantities)
+    assert all(q.name.rstrip("1234567890 ").endswith(baseline.DRIFTING) for q in quantities)
     time = np.linspace(5.0, 7.0, 20001)
-    variance = sum((q.sigma * drift_at(time, 5.0, 2.0, np.eye(4)[k])) ** 2 for k, q in enumerate(quantities))
+    variance = sum(
+        (q.sigma * baseline.drift_at(time, 5.0, 2.0, np.eye(4)[k])) ** 2 for k, q in enumerate(quantities)
+    )
     assert np.trapezoid(variance, time) == pytest.approx(3.0 * 2.0**2 / 2.0, rel=1e-3)
     share = 2.0 / ((np.arange(1, 5) - 0.5) * np.pi) ** 2
     assert [q.sigma for q in quantities] == pytest.approx(np.sqrt(3.0 * 2.0 * share / share.sum()))
@@ -73,12 +67,12 @@ def test_the_modes_are_a_random_walks():
 
 
 def test_there_is_no_drift_before_the_baselines_end_and_it_stays_at_its_end():
-    shape = drift_at(np.array([0.0, 5.0, 6.0, 7.0, 9.0]), 5.0, 2.0, np.array([2.0, 0.0, 0.0, 0.0]))
+    shape = baseline.drift_at(np.array([0.0, 5.0, 6.0, 7.0, 9.0]), 5.0, 2.0, np.array([2.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(shape, [0.0, 0.0, 2.0 * np.sin(np.pi / 4), 2.0, 2.0], atol=1e-12)
 
 
 def rest(value):
-    check_rest(value, 10, name="gauge", times=(0.0, T - STEP))
+    baseline.check_rest(value, 10, name="gauge", times=(0.0, T - STEP))
 
 
 def test_noise_hum_and_steady_drift_are_rest():

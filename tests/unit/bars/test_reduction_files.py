@@ -11,21 +11,8 @@ import pytest
 from kolsky_command import rows_of
 from wavesmaker import made_result
 
+from kolsky.bars import records
 from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches, correction_of, table_of
-from kolsky.bars.records import (
-    BarSignal,
-    BudgetTable,
-    Contribution,
-    Correction,
-    FaceWaves,
-    FlyerResult,
-    History,
-    Quantity,
-    Reduction,
-    Signal,
-    WavesResult,
-    Windows,
-)
 from kolsky.bars.reduction.output import summary, tables, write_hdf5
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.files import write_table, write_tables
@@ -37,17 +24,17 @@ TIME = np.linspace(0.0, 1e-4, 5)
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
 
 
-def history(unit: str, size: float) -> History:
-    return History(value=size * np.arange(5.0), sigma=0.01 * size * np.ones(5), unit=unit)
+def history(unit: str, size: float) -> records.History:
+    return records.History(value=size * np.arange(5.0), sigma=0.01 * size * np.ones(5), unit=unit)
 
 
-def signal(unit: str, name: str = "") -> Signal:
-    return Signal(start=1e-3, interval=1e-6, value=np.arange(4.0), sigma=0.25, unit=unit, name=name)
+def signal(unit: str, name: str = "") -> records.Signal:
+    return records.Signal(start=1e-3, interval=1e-6, value=np.arange(4.0), sigma=0.25, unit=unit, name=name)
 
 
 def common() -> dict[str, Any]:
     ways = ("one wave", "three waves")
-    reduction = Reduction(
+    reduction = records.Reduction(
         time=TIME,
         strain={way: history("1", 0.1) for way in ways},
         rate={way: history("1/s", 1e3) for way in ways},
@@ -59,22 +46,22 @@ def common() -> dict[str, Any]:
         imbalance=np.array([np.inf, 0.1, 0.0, -0.1, 0.0]),
         balanced=(2e-5, 8e-5),
     )
-    area = Quantity("specimen, diameter", 9.5e-3, 1e-5, "m", "B")
-    noise = Quantity("noise", 0.0, 1.0, "1", "A", freedom=12.0)
+    area = records.Quantity("specimen, diameter", 9.5e-3, 1e-5, "m", "B")
+    noise = records.Quantity("noise", 0.0, 1.0, "1", "A", freedom=12.0)
     return {
         "name": "made\0up",
         "specimen": Specimen(diameter=9.5e-3, length=6.5e-3, density=1000.0),
         "load": "compression",
         "reduction": reduction,
         "corrections": (
-            Correction("zero", "baseline", True, 2.0, 1.0, "1", "400 samples"),
-            Correction("dispersion", "dispersion", False, 3.0, 1.5, "N", "below its noise"),
+            records.Correction("zero", "baseline", True, 2.0, 1.0, "1", "400 samples"),
+            records.Correction("dispersion", "dispersion", False, 3.0, 1.5, "N", "below its noise"),
         ),
-        "budget": BudgetTable(
+        "budget": records.BudgetTable(
             results={"peak stress": (5.0e6, 1.5e5, "Pa")},
             contributions=(
-                Contribution(area, {"peak stress": 0.75}),
-                Contribution(noise, {"peak stress": 0.25}),
+                records.Contribution(area, {"peak stress": 0.75}),
+                records.Contribution(noise, {"peak stress": 0.25}),
             ),
         ),
         "facts": {"wave speed/bar": (5000.0, "m/s")},
@@ -85,14 +72,14 @@ def common() -> dict[str, Any]:
     }
 
 
-def between_bars() -> WavesResult:
-    incident = BarSignal(signal("1"), BAR, 0.5, "incident", bending=np.zeros(4))
-    return WavesResult(
+def between_bars() -> records.WavesResult:
+    incident = records.BarSignal(signal("1"), BAR, 0.5, "incident", bending=np.zeros(4))
+    return records.WavesResult(
         **common(),
         incident=incident,
         transmission=replace(incident, side="transmission", bending=None),
-        windows=Windows((0.0, 1.0), (1.0, 2.0), (1.5, 2.5), "shot file"),
-        faces=FaceWaves(
+        windows=records.Windows((0.0, 1.0), (1.0, 2.0), (1.5, 2.5), "shot file"),
+        faces=records.FaceWaves(
             time=TIME,
             incident=np.arange(5.0),
             reflected=-np.arange(5.0),
@@ -104,8 +91,8 @@ def between_bars() -> WavesResult:
     )
 
 
-def with_flyer(*, known: bool = True) -> FlyerResult:
-    return FlyerResult(
+def with_flyer(*, known: bool = True) -> records.FlyerResult:
+    return records.FlyerResult(
         **common(),
         signals=(signal("N", "incident transducer"),),
         events=(("full speed", 1e-3, 2e-6, "kink"), ("arrest", None, None, "not found")),
@@ -213,7 +200,7 @@ AFTER = np.array([0.0, 1.5, 1.0, 3.0])
 
 def test_sizes_over_the_pulse():
     entry = correction_of("x", "droop", AFTER - BEFORE, applied=True, unit="N", reason="because")
-    assert entry == Correction("x", "droop", True, 1.0, np.sqrt(1.25 / 4), "N", "because")
+    assert entry == records.Correction("x", "droop", True, 1.0, np.sqrt(1.25 / 4), "N", "because")
     log, over = AuditLog(), np.array([False, True, False, False])
     log.compare("x", "droop", BEFORE, AFTER, applied=True, unit="N", reason="r", over=over)
     assert (log.corrections[0].size, log.corrections[0].rms) == (0.5, 0.5)

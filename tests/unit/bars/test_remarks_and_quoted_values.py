@@ -21,9 +21,6 @@ BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
 SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1000.0)
 
 
-DECLARED = {"bar_modulus": 0.01}
-
-
 def check(delay, sigma=1e-6):
     """A pulse predicted at 1 ms and observed later."""
     arrival = Arrival(1e-3 + delay, sigma, 1e-3, 1e-5, 2e-3, -1.0)

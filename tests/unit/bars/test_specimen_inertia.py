@@ -11,19 +11,7 @@ from scipy.special import j0, j1, jn_zeros
 
 from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches
 from kolsky.bars.records import ANALYSES, History, Quantity, Reduction
-from kolsky.bars.reduction.inertia import (
-    axial_by_analysis,
-    axial_stress,
-    compensate_mass,
-    correct_axial_inertia,
-    correct_inertia,
-    correct_radial_inertia,
-    corrections_that_act,
-    inertial_share,
-    radial_pressure,
-    specimen_motion,
-    valid_span,
-)
+from kolsky.bars.reduction import inertia
 from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance, reduce
 from kolsky.bars.reduction.validity import Reason
@@ -36,7 +24,6 @@ from kolsky.shot.waves import waves
 # Inertia against momentum, energy and travelling waves.
 
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=870.0)
-BAR = Bar(diameter=15e-3, length=1.5, youngs_modulus=190e9, density=8048.0)
 T = np.linspace(0.0, 1e-3, 4001)
 
 
@@ -53,7 +40,7 @@ def test_radial_pressure_does_the_work_of_the_radial_kinetic_energy():
     mass, area = rho * np.pi * a0**2 * L, np.pi * a0**2 / (1 - e)
     # v_r = r D / 2 with D = e' / (1 - e); the mean of r^2 over the disc is a^2 / 2.
     energy = 0.5 * mass * (a0**2 / (1 - e) / 2) * (e1 / (1 - e) / 2) ** 2
-    power = radial_pressure(e, e1, e2, density=rho, radius=a0) * area * e1 * L
+    power = inertia.radial_pressure(e, e1, e2, density=rho, radius=a0) * area * e1 * L
     rate = np.gradient(energy, T)
     inner = slice(2, -2)
     # Second-order differences of a cosine over 4000 steps: (w h)^2 / 6 ~ 1e-7 of the largest, and round-off.
@@ -61,10 +48,10 @@ def test_radial_pressure_does_the_work_of_the_radial_kinetic_energy():
 
 
 def test_radial_pressure_at_the_start_is_kolskys_term():
-    p = radial_pressure(0.0, 0.0, 1e7, density=870.0, radius=4.75e-3)
+    p = inertia.radial_pressure(0.0, 0.0, 1e7, density=870.0, radius=4.75e-3)
     assert p == pytest.approx(870.0 * 4.75e-3**2 / 8 * 1e7)
     with pytest.raises(ValueError, match="must be < 1"):
-        radial_pressure(1.0, 0.0, 0.0, density=870.0, radius=4.75e-3)
+        inertia.radial_pressure(1.0, 0.0, 0.0, density=870.0, radius=4.75e-3)
 
 
 def test_radial_correction_takes_the_pressure_on_the_grown_face_off_the_nominal_stress():
@@ -73,8 +60,8 @@ def test_radial_correction_takes_the_pressure_on_the_grown_face_off_the_nominal_
     given = [
         History(v, s * np.ones_like(T), u) for v, s, u in ((e, 1e-4, "1"), (e1, 1.0, "1/s"), (e2, 1e4, ""))
     ]
-    found, log = correct_radial_inertia(stress, *given, SPECIMEN)
-    p = radial_pressure(e, e1, e2, density=870.0, radius=SPECIMEN.radius)
+    found, log = inertia.correct_radial_inertia(stress, *given, SPECIMEN)
+    p = inertia.radial_pressure(e, e1, e2, density=870.0, radius=SPECIMEN.radius)
     force = p * SPECIMEN.area / (1 - e)  # on the face as it is
     np.testing.assert_allclose(stress.value - found.value, force / SPECIMEN.area, rtol=1e-12)
     assert log.applied
@@ -82,9 +69,9 @@ def test_radial_correction_takes_the_pressure_on_the_grown_face_off_the_nominal_
     # Uncertainty against draws: 4000 of them know a sigma to 1.1 %; 5 % is beyond four of their deviations.
     rng, i = np.random.default_rng(1), 1500
     a, b, c = (h.value[i] + h.sigma[i] * rng.standard_normal(4000) for h in given)
-    drawn = radial_pressure(a, b, c, density=870.0, radius=SPECIMEN.radius) / (1 - a)
+    drawn = inertia.radial_pressure(a, b, c, density=870.0, radius=SPECIMEN.radius) / (1 - a)
     assert np.hypot(drawn.std(), 10.0) == pytest.approx(found.sigma[i], rel=0.05)
-    left, off = correct_radial_inertia(stress, *given, SPECIMEN, apply=False)
+    left, off = inertia.correct_radial_inertia(stress, *given, SPECIMEN, apply=False)
     assert left is stress
     assert not off.applied
     assert off.size == log.size
@@ -97,11 +84,11 @@ def test_axial_stress_is_the_mean_over_layers():
     y = (np.arange(n) + 0.5) * L / n
     momentum = np.cumsum(rho * (back + e2 * y) * L / n)  # above the back face, at each layer's top
     mean = np.mean(momentum) - 0.5 * rho * (back + e2 * L / 2) * L / n  # middle of each layer
-    found = axial_stress(e2, density=rho, length=L, back_acceleration=back)
+    found = inertia.axial_stress(e2, density=rho, length=L, back_acceleration=back)
     assert found == pytest.approx(mean, rel=1e-6)  # midpoint rule: 1 / n^2
     second = History(np.full(3, e2), np.full(3, 1e5), "1/s^2")
     stress = History(np.zeros(3), np.ones(3), "Pa")
-    corrected, log = correct_axial_inertia(stress, second, SPECIMEN)
+    corrected, log = inertia.correct_axial_inertia(stress, second, SPECIMEN)
     assert corrected.value[0] == pytest.approx(rho * L**2 * e2 / 6)
     assert corrected.sigma[0] == pytest.approx(np.hypot(1.0, rho * L**2 * 1e5 / 6))
     assert log.key == "axial inertia"
@@ -114,7 +101,7 @@ def test_a_mass_before_and_behind_the_specimen():
     mass = Quantity("platen", 0.0071, 2e-5, "kg", "B")
     gauge = History(force, np.full_like(t, 0.4), "N")
     moved = History(a, np.full_like(t, 200.0), "m/s^2")
-    found, log = compensate_mass(gauge, moved, mass)
+    found, log = inertia.compensate_mass(gauge, moved, mass)
     np.testing.assert_allclose(found.value, 30.0, atol=1e-10)
     assert log.size == pytest.approx(0.0071 * 5e4, rel=1e-6)
     assert log.unit == "N"
@@ -126,7 +113,7 @@ def test_a_mass_before_and_behind_the_specimen():
         - (0.0071 + 2e-5 * rng.standard_normal(4000)) * (a[i] + 200.0 * rng.standard_normal(4000))
     )
     assert drawn.std() == pytest.approx(found.sigma[i], rel=0.05)
-    off, log = compensate_mass(gauge, moved, mass, apply=False)
+    off, log = inertia.compensate_mass(gauge, moved, mass, apply=False)
     assert off is gauge
     assert not log.applied
     assert log.size > 300.0
@@ -182,7 +169,7 @@ def pressure() -> np.ndarray:
 
 
 def test_the_motion_is_that_of_the_faces():
-    motion = specimen_motion(reduction(), BARS)
+    motion = inertia.specimen_motion(reduction(), BARS)
     t = STEP * np.arange(N)
     np.testing.assert_allclose(motion.rate.value[INSIDE], (PULL * t)[INSIDE], rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(motion.second.value[INSIDE], PULL, rtol=1e-6)
@@ -199,7 +186,7 @@ def test_the_noise_of_the_second_derivative_is_that_of_two_means():
         rate={"three waves": one},
         back_velocity=History(noise, np.ones(noise.size), "m/s"),
     )
-    motion = specimen_motion(long, BARS)
+    motion = inertia.specimen_motion(long, BARS)
     assert motion.second.sigma[0] == pytest.approx(1.0 / (41 * STEP), rel=1e-12)
     assert motion.second.value[50:-50].std() == pytest.approx(motion.second.sigma[0], rel=0.05)
     assert motion.rate.value[50:-50].std() == pytest.approx(motion.rate.sigma[0], rel=0.1)
@@ -210,7 +197,7 @@ def test_axial_inertia_is_the_momentum_of_the_layers():
     Y = np.linspace(0.0, RUBBER.length, 2001)
     force = 1000.0 * (BACK * Y + 0.5 * PULL * Y**2)  # above the back face, per area
     mean, front = np.trapezoid(force, Y) / RUBBER.length, force[-1]
-    found = axial_by_analysis(PULL, RUBBER, BACK)
+    found = inertia.axial_by_analysis(PULL, RUBBER, BACK)
     assert found["one wave"] == pytest.approx(mean, rel=1e-6)
     assert found["two waves"] == pytest.approx(mean - front, rel=1e-6)
     assert found["three waves"] == pytest.approx(mean - 0.5 * front, rel=1e-5)
@@ -221,16 +208,18 @@ def test_axial_inertia_is_the_momentum_of_the_layers():
 @pytest.mark.parametrize("way", ["one wave", "two waves", "three waves"])
 def test_what_is_on_acts_on_every_analysis(key, way):
     plain = reduction()
-    found, log = correct_inertia(plain, RUBBER, BARS, {key: "on, as the shot states"})
+    found, log = inertia.correct_inertia(plain, RUBBER, BARS, {key: "on, as the shot states"})
     wanted = (
-        -pressure() if key == "radial inertia" else np.full(N, axial_by_analysis(PULL, RUBBER, BACK)[way])
+        -pressure()
+        if key == "radial inertia"
+        else np.full(N, inertia.axial_by_analysis(PULL, RUBBER, BACK)[way])
     )
     change = found.stress[way].value - plain.stress[way].value
     np.testing.assert_allclose(change[INSIDE], wanted[INSIDE], rtol=1e-5)
     assert {entry.key: entry.applied for entry in log} == {
         name: name == key for name in ("radial inertia", "axial inertia")
     }
-    same, _ = correct_inertia(plain, RUBBER, BARS, {key: "off by default"})
+    same, _ = inertia.correct_inertia(plain, RUBBER, BARS, {key: "off by default"})
     assert same is plain
 
 
@@ -238,20 +227,20 @@ def test_a_specimen_is_soft_from_the_limit_on():
     """Radial pressure up to 28.6 kPa at the end, where the means end, and 6.7 kPa of axial inertia."""
     top = float(pressure()[-21]) + AXIAL
     just, hard = reduction(top / 0.055), reduction(top / 0.045)
-    assert inertial_share(just, RUBBER, BARS) == pytest.approx(0.055, rel=0.02)
+    assert inertia.inertial_share(just, RUBBER, BARS) == pytest.approx(0.055, rel=0.02)
     for given, on in ((just, True), (hard, False)):
-        acts = corrections_that_act(given, RUBBER, BARS, Switches(), share=0.05)
+        acts = inertia.corrections_that_act(given, RUBBER, BARS, Switches(), share=0.05)
         assert acts["radial inertia"].startswith("on: the specimen is soft" if on else "off by default")
         assert acts["axial inertia"].startswith("off by default")
     stated = Switches({"radial inertia": False, "axial inertia": True})
-    acts = corrections_that_act(just, RUBBER, BARS, stated, share=0.05)
+    acts = inertia.corrections_that_act(just, RUBBER, BARS, stated, share=0.05)
     assert [acts[key].split(",")[0] for key in acts] == ["off", "on"]
 
 
 def test_the_valid_span_ends_where_inertia_begins_to_count():
     given, added = reduction(1e6), pressure() + AXIAL
     limit = 0.03
-    span = valid_span(given, RUBBER, BARS, share=limit, tension=False)
+    span = inertia.valid_span(given, RUBBER, BARS, share=limit, tension=False)
     assert span.window is not None
     ends = STEP * int(np.argmax(added > limit * 1e6))
     assert span.window[1] == pytest.approx(ends, abs=4e-6)  # intervals of 4 us
@@ -273,7 +262,7 @@ def test_a_pulled_specimen_has_the_same_span():
         back_force=turned(given.back_force),
         back_velocity=turned(given.back_velocity),
     )
-    span = valid_span(pulled, RUBBER, BARS, share=0.05, tension=True)
+    span = inertia.valid_span(pulled, RUBBER, BARS, share=0.05, tension=True)
     assert span.window is not None
     assert span.strain[1] > 0.0
 

@@ -14,20 +14,13 @@ from kolsky.bars.reduction.inertia import path_acceleration
 from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance
 from kolsky.bars.reduction.validity import Reason, imbalance, validity
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival, usable_limits
+from kolsky.bars.signals import baseline
 from kolsky.bars.signals.arrival import find_arrival
-from kolsky.bars.signals.baseline import (
-    Noise,
-    SignalZero,
-    check_clipping,
-    measure_signal_zero,
-    quantisation_step,
-)
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
 
 US = 1e-6
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0)
-C = 5000.0
 """Its wave speed [m/s]; 20 mm take 4 us, 0.5 m 100 us."""
 
 
@@ -145,7 +138,7 @@ def line_and_noise(slope=0.0):
 
 def test_a_zero_has_the_sigma_of_its_mean():
     t, v = line_and_noise()
-    rest = measure_signal_zero(t, v, (0.0, 99.0), name="x")
+    rest = baseline.measure_signal_zero(t, v, (0.0, 99.0), name="x")
     assert rest.mean == pytest.approx(3.0)
     assert rest.noise.sigma == pytest.approx(np.sqrt(100 / 98))
     memory = max(rest.noise.memory, 1.0)
@@ -161,12 +154,14 @@ def test_a_drift_is_significant_at_one_percent(share, drifts):
     """Ten independent samples: eight degrees of freedom, Student's t at 0.995."""
     limit = float(student.ppf(0.995, 8))
     assert limit == pytest.approx(3.355, abs=1e-3)
-    rest = SignalZero(0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, Noise(1.0, 1.0), 0.0, 1)
+    rest = baseline.SignalZero(
+        0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, baseline.Noise(1.0, 1.0), 0.0, 1
+    )
     assert bool(rest.drifts) is drifts
 
 
 def test_memory_lowers_the_degrees_of_freedom():
-    rest = SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, Noise(1.0, 2.0), 0.0, 1)
+    rest = baseline.SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, baseline.Noise(1.0, 2.0), 0.0, 1)
     assert rest.freedom == pytest.approx(48.0)
     assert replace(rest, count=3).freedom == 1.0
 
@@ -176,33 +171,33 @@ def test_clipping_is_three_times_the_longest_rest(held, refused):
     """At rest no value lasts more than three samples: nine in a row at the extreme are clipped."""
     rest = np.tile([0.0, 0.0, 0.0, 1.0], 20)
     value = np.concatenate([rest, np.linspace(2.0, 8.0, 30), np.full(held, 9.0), [1.0]])
-    rest = measure_signal_zero(np.arange(80.0), value[:80], (0.0, 79.0), name="x")
+    rest = baseline.measure_signal_zero(np.arange(80.0), value[:80], (0.0, 79.0), name="x")
     assert rest.longest_run == 3
     if refused:
         with pytest.raises(ValueError, match="9 samples from sample 110 on"):
-            check_clipping(value, rest, name="x", full_scale=None)
+            baseline.check_clipping(value, rest, name="x", full_scale=None)
     else:
-        check_clipping(value, rest, name="x", full_scale=None)
+        baseline.check_clipping(value, rest, name="x", full_scale=None)
     with pytest.raises(ValueError, match="samples reach full scale"):
-        check_clipping(value, rest, name="x", full_scale=9.0)
-    check_clipping(value, rest, name="x", full_scale=9.001)
+        baseline.check_clipping(value, rest, name="x", full_scale=9.0)
+    baseline.check_clipping(value, rest, name="x", full_scale=9.001)
 
 
 @pytest.mark.parametrize(("held", "refused"), [(7, False), (8, True)])
 def test_clipping_is_eight_samples_at_least(held, refused):
     value = np.concatenate([np.tile([0.0, 1.0], 40), np.full(held, -9.0), [1.0]])
-    rest = measure_signal_zero(np.arange(80.0), value[:80], (0.0, 79.0), name="x")
+    rest = baseline.measure_signal_zero(np.arange(80.0), value[:80], (0.0, 79.0), name="x")
     if refused:
         with pytest.raises(ValueError, match="it is clipped"):
-            check_clipping(value, rest, name="x", full_scale=None)
+            baseline.check_clipping(value, rest, name="x", full_scale=None)
     else:
-        check_clipping(value, rest, name="x", full_scale=None)
+        baseline.check_clipping(value, rest, name="x", full_scale=None)
 
 
 @pytest.mark.parametrize(("distinct", "step"), [(50, 2.0), (51, 0.0)])
 def test_codes_are_seen_where_half_the_samples_repeat(distinct, step):
     value = np.resize(2.0 * np.arange(distinct), 100)
-    assert quantisation_step(value) == step
+    assert baseline.quantisation_step(value) == step
 
 
 # Equilibrium, validity

@@ -11,7 +11,6 @@ from kolsky.base.apparatus import Transducer
 from kolsky.base.records import ForceHistory, Recording
 
 GAUGE = Transducer(sensitivity=0.01, compression_sign=1, full_scale=1.0)
-BASELINE = (0.0, 1.0)
 OFFSET = 0.25
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from elastic_layer import Layer
-from monte_carlo import Spread, difference, monte_carlo, red_noise
+from monte_carlo import monte_carlo, red_noise
 from softflyer import Flight
 
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
@@ -17,19 +17,10 @@ from kolsky.bars.flyer.flight import symmetry_end
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.guides.propagation import wave_speed
 from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Signal, Windows
+from kolsky.bars.reduction import varied_test
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.bars.reduction.separation import face_waves
 from kolsky.bars.reduction.stress_strain import reduce
-from kolsky.bars.reduction.varied_test import (
-    VariedTest,
-    bar_correlations,
-    bar_quantities,
-    budget_quantities,
-    length_quantities,
-    varied_bar,
-    varied_position,
-    varied_specimen,
-)
 from kolsky.bars.reduction.windows import StationInput, WavesInput, find_windows
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Specimen
@@ -43,10 +34,6 @@ def q(name, value, sigma, freedom=np.inf, kind="B"):
 
 
 FOUR = [q(name, 0.0, 1.0) for name in "abcd"]
-
-
-def total(v, rng=None):
-    return {"Y": sum(v.values())}
 
 
 def test_supplement_1_loss_is_beyond_a_straight_line():
@@ -177,48 +164,6 @@ def test_noise_goes_through_the_model_by_draws():
     assert (np.abs(spread.mean - 0.5 - slope) < 4.5 * sigma / np.sqrt(4000)).all()
 
 
-def test_t_distribution_of_a_type_a_quantity():
-    spread = monte_carlo(
-        lambda v, rng: dict(v), [q("a", 1.0, 0.1, 5.0, "A")], trials=40_000, rng=np.random.default_rng(6)
-    )["a"]
-    assert spread.sigma == pytest.approx(0.1 * np.sqrt(5 / 3), rel=0.05)  # heavy tails: 1.2 %, four of them
-    assert spread.high - 1.0 == pytest.approx(0.1 * 2.571, rel=0.05)  # t_95(5)
-    with pytest.raises(ValueError, match="2 degrees of freedom has no standard deviation"):
-        monte_carlo(total, [q("a", 1.0, 0.1, 2.0)], trials=100, rng=np.random.default_rng(0))
-
-
-@pytest.mark.parametrize("kind", ["rectangular", "triangular", "arcsine"])
-def test_distributions_have_the_stated_sigma(kind):
-    ends = {"rectangular": np.sqrt(3.0), "triangular": np.sqrt(6.0), "arcsine": np.sqrt(2.0)}
-    draws = []
-    monte_carlo(
-        lambda v, rng: draws.append(v["a"]) or dict(v),
-        [q("a", 0.0, 1.0)],
-        trials=10_000,
-        rng=np.random.default_rng(7),
-        distributions={"a": kind},
-    )
-    assert np.std(draws) == pytest.approx(1.0, rel=0.03)  # 0.7 % or less, four of them
-    assert np.max(np.abs(draws)) <= ends[kind]
-    assert np.max(np.abs(draws)) > 0.97 * ends[kind]
-
-
-def test_impossible_draws_are_refused():
-    rng = np.random.default_rng(0)
-    for options, message in (
-        ({"trials": 10}, "at least 100 trials, got 10"),
-        ({"probability": 1.0}, r"inside \(0, 1\), got 1.0"),
-        ({"distributions": {"z": "normal"}}, "distribution of 'z': no quantity"),
-        ({"distributions": {"a": "flat"}}, "a: distribution must be 't' or one of normal, .* got 'flat'"),
-        (
-            {"distributions": {"a": "arcsine"}, "correlations": {("a", "b"): 0.5}},
-            "a is correlated and must be normal, got 'arcsine'",
-        ),
-    ):
-        with pytest.raises(ValueError, match=message):
-            monte_carlo(total, FOUR, **({"trials": 100, "rng": rng} | options))
-
-
 # Inputs of a test's budget by name and value, and their effects on the results in closed form.
 
 BAR = Bar(diameter=15e-3, length=1.5, youngs_modulus=190e9, density=8048.0, poisson=0.29)
@@ -237,20 +182,20 @@ def plain(quantities):
 
 
 def test_quantities_of_a_bar():
-    assert plain(bar_quantities(BAR, "incident", UNCERTAINTY)) == {
+    assert plain(varied_test.bar_quantities(BAR, "incident", UNCERTAINTY)) == {
         "incident bar, Young's modulus": (190e9, 1.9e9, "Pa", "B"),
         "incident bar, density": (8048.0, 16.096, "kg/m^3", "B"),
         "incident bar, diameter": (15e-3, 45e-6, "m", "B"),
         "incident bar, Poisson's ratio": (0.29, 0.004, "1", "B"),
     }
-    measured = bar_quantities(BAR, "incident", {**UNCERTAINTY, "bar_wave_speed": 0.001})
+    measured = varied_test.bar_quantities(BAR, "incident", {**UNCERTAINTY, "bar_wave_speed": 0.001})
     assert (measured[0].name, measured[0].unit) == ("incident bar, wave speed", "m/s")
     assert measured[0].sigma == pytest.approx(1e-3 * BAR.wave_speed)
 
 
 def test_quantities_of_lengths():
     positions = {"incident": 0.75, "transmission": 0.5, "incident far": 1.1}
-    assert plain(length_quantities(SPECIMEN, positions, UNCERTAINTY)) == {
+    assert plain(varied_test.length_quantities(SPECIMEN, positions, UNCERTAINTY)) == {
         "specimen, diameter": (10e-3, 50e-6, "m", "B"),
         "specimen, length": (5e-3, 30e-6, "m", "B"),
         "incident gauge, distance": (0.75, 7e-4, "m", "B"),
@@ -265,17 +210,17 @@ def test_other_values_of_the_quantities():
         "incident bar, wave speed": 5000.0,
         "incident bar, diameter": 0.016,
     }
-    found = varied_bar(BAR, "incident", values)
+    found = varied_test.varied_bar(BAR, "incident", values)
     assert (found.youngs_modulus, found.density, found.diameter) == (pytest.approx(200e9), 8000.0, 0.016)
-    assert varied_bar(BAR, "transmission", values) == BAR
-    found = varied_bar(
+    assert varied_test.varied_bar(BAR, "transmission", values) == BAR
+    found = varied_test.varied_bar(
         BAR, "incident", {"incident bar, Young's modulus": 2e11, "incident bar, Poisson's ratio": 0.3}
     )
     assert (found.youngs_modulus, found.poisson) == (2e11, 0.3)
-    size = varied_specimen(SPECIMEN, {"specimen, diameter": 0.011, "specimen, length": 0.006})
+    size = varied_test.varied_specimen(SPECIMEN, {"specimen, diameter": 0.011, "specimen, length": 0.006})
     assert (size.diameter, size.length) == (0.011, 0.006)
-    assert varied_position(0.5, "incident", {"incident gauge, distance": 0.6}) == 0.6
-    assert varied_position(0.5, "transmission", {"incident gauge, distance": 0.6}) == 0.5
+    assert varied_test.varied_position(0.5, "incident", {"incident gauge, distance": 0.6}) == 0.6
+    assert varied_test.varied_position(0.5, "transmission", {"incident gauge, distance": 0.6}) == 0.5
 
 
 def given(**changes):
@@ -305,7 +250,7 @@ def test_every_input_is_in_the_budget():
     stations = {
         side: SimpleNamespace(quantities=[replace(zero, name=f"{side} gauge, zero")]) for side in test.bars
     }
-    names = {q.name for q in budget_quantities(test, stations)}
+    names = {q.name for q in varied_test.budget_quantities(test, stations)}
     assert names == {
         "specimen, diameter",
         "specimen, length",
@@ -322,13 +267,16 @@ def test_every_input_is_in_the_budget():
 
 
 def test_bars_of_one_rod_have_their_errors_in_common():
-    quantities = [*bar_quantities(BAR, "incident", {}), *bar_quantities(BAR, "transmission", {})]
-    assert bar_correlations(given(), quantities) == {}
-    assert bar_correlations(given(alike=True), quantities) == {
+    quantities = [
+        *varied_test.bar_quantities(BAR, "incident", {}),
+        *varied_test.bar_quantities(BAR, "transmission", {}),
+    ]
+    assert varied_test.bar_correlations(given(), quantities) == {}
+    assert varied_test.bar_correlations(given(alike=True), quantities) == {
         (f"incident bar, {what}", f"transmission bar, {what}"): 1.0
         for what in ("Young's modulus", "density", "diameter", "Poisson's ratio")
     }
-    assert bar_correlations(given(alike=True), quantities[:4]) == {}
+    assert varied_test.bar_correlations(given(alike=True), quantities[:4]) == {}
 
 
 def test_shares_of_the_budget_are_those_of_the_formulas():
@@ -361,7 +309,7 @@ def test_shares_of_the_budget_are_those_of_the_formulas():
 def test_the_model_of_the_budget_holds_its_windows():
     test = given()
     windows = Windows((-160e-6, 0.0), (150e-6, 310e-6), (95e-6, 255e-6), source="shot file")
-    varied = VariedTest(test, windows, -0.75 / BAR.wave_speed)
+    varied = varied_test.VariedTest(test, windows, -0.75 / BAR.wave_speed)
     near = varied.carried({}, dispersive=False)
     scaled = varied.carried({"transmission gauge, strain per volt": 1.1}, dispersive=False)
     np.testing.assert_allclose(scaled.transmitted, 1.1 * near.transmitted, atol=1e-15)
@@ -432,13 +380,6 @@ def test_symmetry_ends_beyond_two_sigmas(sigma, row):
     found = symmetry_end(paths, [0.5, 1.0, 2.0], separation=0.2, over=0.3, share=0.05, times_in_row=1)
     assert found.share[2] == pytest.approx(0.96 / np.hypot(12.0, 0.96))
     assert found.row == row
-
-
-def test_intervals_are_compared_in_standard_uncertainties():
-    budget = propagate(lambda v: {"y": v["a"]}, [Quantity("a", 3.0, 0.5, "1", "B")])
-    half = float(budget.coverage_factor("y", 0.95)) * 0.5
-    drawn = Spread(np.array(3.0), np.array(0.5), np.array(3.0 - half - 0.1), np.array(3.0 + half), 1000, 0.95)
-    assert difference(budget, "y", drawn) == pytest.approx(0.2)
 
 
 def test_full_speed_is_known_to_a_frame_at_best():

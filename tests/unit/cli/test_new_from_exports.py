@@ -14,16 +14,8 @@ from typer.testing import CliRunner
 from kolsky.base.toml import blanks
 from kolsky.cli import app
 from kolsky.readers.dic_export import LAYOUTS, programs_of
+from kolsky.survey import signals
 from kolsky.survey.new_file import fill_in
-from kolsky.survey.signals import (
-    QuietStretch,
-    common_sign,
-    first_push,
-    quiet_stretch,
-    range_above,
-    relative_scatter,
-    two_figures,
-)
 from kolsky.survey.surface import scatter_at_rest, survey_surfaces
 
 runner = CliRunner()
@@ -220,41 +212,44 @@ def test_rest_noise_and_sign_of_a_record_by_hand() -> None:
     """Noise that alternates by 1 has differences of 2: scatter 2 / sqrt(2); it departs at value 40."""
     still = np.where(np.arange(40) % 2, 1.0, -1.0)
     rise = np.arange(1, 61) * 40.0
-    quiet = quiet_stretch(np.concatenate([still, -rise]), fewest=20)
-    assert quiet == QuietStretch(40, pytest.approx(0.0), pytest.approx(np.sqrt(2.0)))
-    assert first_push(np.concatenate([still, -rise]), quiet) == -1
-    assert first_push(np.concatenate([still, rise]), quiet) == 1
+    quiet = signals.quiet_stretch(np.concatenate([still, -rise]), fewest=20)
+    assert quiet == signals.QuietStretch(40, pytest.approx(0.0), pytest.approx(np.sqrt(2.0)))
+    assert signals.first_push(np.concatenate([still, -rise]), quiet) == -1
+    assert signals.first_push(np.concatenate([still, rise]), quiet) == 1
     # First up by more than a fifth of the largest departure, then further down: no clear sign.
-    assert first_push(np.concatenate([still, rise, -2.0 * rise]), quiet) is None
-    assert first_push(np.concatenate([still, 0.1 * rise, -2.0 * rise]), quiet) == -1
+    assert signals.first_push(np.concatenate([still, rise, -2.0 * rise]), quiet) is None
+    assert signals.first_push(np.concatenate([still, 0.1 * rise, -2.0 * rise]), quiet) == -1
     # A ramp from the first value on, noise alone, and a small step have no clear rest.
-    assert quiet_stretch(np.arange(100.0) + 0.1 * np.where(np.arange(100) % 2, 1.0, -1.0), fewest=20) is None
-    assert quiet_stretch(np.tile(still, 3), fewest=20) is None
-    assert quiet_stretch(np.concatenate([still, still + 20.0]), fewest=20) is None
-    assert quiet_stretch(np.concatenate([still[:10], rise]), fewest=20) is None
+    assert (
+        signals.quiet_stretch(np.arange(100.0) + 0.1 * np.where(np.arange(100) % 2, 1.0, -1.0), fewest=20)
+        is None
+    )
+    assert signals.quiet_stretch(np.tile(still, 3), fewest=20) is None
+    assert signals.quiet_stretch(np.concatenate([still, still + 20.0]), fewest=20) is None
+    assert signals.quiet_stretch(np.concatenate([still[:10], rise]), fewest=20) is None
 
 
 def test_ranges_and_figures_by_hand() -> None:
-    assert range_above(np.array([0.1, -0.2778])) == 0.5
-    assert range_above(np.array([0.5, 0.2])) == 1.0
-    assert range_above(np.array([1.0, 0.2])) == 2.0
-    assert range_above(np.concatenate([np.zeros(3), np.full(10, 0.7)])) is None
-    assert range_above(np.concatenate([np.zeros(3), np.full(9, 0.7)])) == 1.0
-    assert [two_figures(v) for v in (0.001234, 1.2, 9.91, 37.0)] == [0.0013, 1.2, 10.0, 37.0]
-    assert common_sign(np.array([0.0, 0.01, -1.0, -2.0])) == -1
-    assert common_sign(np.array([0.5, -1.0, -2.0])) is None
+    assert signals.range_above(np.array([0.1, -0.2778])) == 0.5
+    assert signals.range_above(np.array([0.5, 0.2])) == 1.0
+    assert signals.range_above(np.array([1.0, 0.2])) == 2.0
+    assert signals.range_above(np.concatenate([np.zeros(3), np.full(10, 0.7)])) is None
+    assert signals.range_above(np.concatenate([np.zeros(3), np.full(9, 0.7)])) == 1.0
+    assert [signals.two_figures(v) for v in (0.001234, 1.2, 9.91, 37.0)] == [0.0013, 1.2, 10.0, 37.0]
+    assert signals.common_sign(np.array([0.0, 0.01, -1.0, -2.0])) == -1
+    assert signals.common_sign(np.array([0.5, -1.0, -2.0])) is None
 
 
 def test_scatter_of_a_curve_by_hand() -> None:
     """A cubic has none. Errors of ± 1 % at equal steps: the cubic's weights are -1/6, 4/6, 4/6, -1/6."""
     x = np.arange(1.0, 41.0)
-    assert relative_scatter(x, x**3) == pytest.approx(0.0, abs=1e-12)
+    assert signals.relative_scatter(x, x**3) == pytest.approx(0.0, abs=1e-12)
     off = 0.01 * np.where(np.arange(40) % 2, 1.0, -1.0)
     # A point at +1 % between neighbours at -1 %, next ones at +1 %: off by 1 + 8/6 + 2/6 = 8/3 per cent.
     weights = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
     expected = 1.4826 * 0.01 * (8.0 / 3.0) / np.sqrt(1.0 + np.sum(weights**2))
-    assert relative_scatter(x, 100.0 * (1.0 + off)) == pytest.approx(expected, rel=0.02)
-    assert relative_scatter(x[:11], x[:11]) is None
+    assert signals.relative_scatter(x, 100.0 * (1.0 + off)) == pytest.approx(expected, rel=0.02)
+    assert signals.relative_scatter(x[:11], x[:11]) is None
 
 
 def test_noise_of_points_from_the_frames_at_rest(tmp_path: Path) -> None:

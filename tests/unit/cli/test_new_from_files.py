@@ -1,5 +1,4 @@
-"""`kolsky new`: it writes facts of unknown files, leaves other facts blank, and no command accepts a
-blank."""
+"""`kolsky new` writes facts of unknown files and leaves others blank; no command accepts a blank."""
 
 import csv
 import os

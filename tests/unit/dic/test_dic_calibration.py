@@ -12,18 +12,7 @@ from test_dic_cylinder import RIG, patch
 
 import dic.calibration.views
 from dic import Camera
-from dic.calibration.bundle import (
-    SHARED_PARAMETERS,
-    Rig,
-    Undetermined,
-    View,
-    adjust,
-    derivatives,
-    exponential,
-    free_columns,
-    project_points,
-    residuals,
-)
+from dic.calibration import bundle
 from dic.calibration.refine import (
     LEAST_GAIN,
     Refinement,
@@ -114,11 +103,11 @@ def excess(found: Calibration, target=CHESS) -> float:
             if pair.outcome.used and v is not None:
                 ids, n = v.ids[v.used], int(v.used.sum())
                 sights.append(
-                    View(k, c, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids],
+                    bundle.View(k, c, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids],
                           v.pixels[v.used], np.full(n, v.sigma[0]))
                 )  # fmt: skip
     poses = {k: (p.rotation, p.translation) for k, p in enumerate(found.pairs) if p.rotation is not None}
-    truth = adjust(Rig(true_rig(), poses), sights, np.zeros((SHARED_PARAMETERS, 0)))
+    truth = bundle.adjust(bundle.Rig(true_rig(), poses), sights, np.zeros((bundle.SHARED_PARAMETERS, 0)))
     return (truth.chi2 - found.unit**2 * found.freedom) / found.unit**2
 
 
@@ -173,26 +162,26 @@ def test_derivatives_are_those_of_what_is_seen():
     R1 = cv2.Rodrigues(TURN)[0]
     lens = (-0.2, 0.4, 1e-3, -2e-3, 0.5)
     common = {"fx": 5400.0, "fy": 5390.0, "cx": 254.0, "cy": 258.0, "skew": 0.6, "distortion": lens}
-    rig = Rig((Camera(**common), Camera(**common, rotation=R1, translation=SHIFT)), {})
+    rig = bundle.Rig((Camera(**common), Camera(**common, rotation=R1, translation=SHIFT)), {})
     turned = np.array([[-0.25, 0.97, 0.0], [0.0, 0.0, -1.0], [-0.97, -0.25, 0.0]])  # column 4 to the camera
     R = cv2.Rodrigues(np.array([0.1, 0.2, 0.3]))[0] @ np.linalg.qr(turned.T)[0].T
     R = R if np.linalg.det(R) > 0 else -R
     t = np.array([0.0, 0.0, 0.3]) - R @ [30e-3 * np.cos(8 / 30), 30e-3 * np.sin(8 / 30), 6e-3]
     for k, camera in enumerate(rig.cameras):
-        sight = View(0, k, ids, g.points, g.normals, g.spread, g.bend, np.zeros((63, 2)), np.ones(63))
-        shared, pose = derivatives(camera, sight, R, t)
+        sight = bundle.View(0, k, ids, g.points, g.normals, g.spread, g.bend, np.zeros((63, 2)), np.ones(63))
+        shared, pose = bundle.derivatives(camera, sight, R, t)
 
         def slope(moved, h=1e-6, sight=sight):
-            up, down = (project_points(c, sight, Q, s) for c, Q, s in moved)
+            up, down = (bundle.project_points(c, sight, Q, s) for c, Q, s in moved)
             return (up - down) / (2 * h)
 
         for column, x in enumerate(1e-6 * np.eye(6)):
-            numeric = slope([(camera, exponential(d[:3]) @ R, t + d[3:]) for d in (x, -x)])
+            numeric = slope([(camera, bundle.exponential(d[:3]) @ R, t + d[3:]) for d in (x, -x)])
             # the patches' offsets are held while the pose moves: (r/z)² and s κ/z, 1e-5 and 1e-4 here
             np.testing.assert_allclose(pose[:, :, column], numeric, atol=3e-4 * np.abs(numeric).max(), rtol=0)
             if k == 1:
                 moved = [
-                    replace(camera, rotation=exponential(d[:3]) @ R1, translation=SHIFT + d[3:])
+                    replace(camera, rotation=bundle.exponential(d[:3]) @ R1, translation=SHIFT + d[3:])
                     for d in (x, -x)
                 ]
                 numeric = slope([(c, R, t) for c in moved])
@@ -338,19 +327,19 @@ def test_what_the_pictures_do_not_determine_is_said():
     frontal = [(np.eye(3), np.array([-8e-3, -6e-3, 0.3])) for _ in range(6)]
     weak = calibrate(*sightings(same), CHESS, sensors=SIZE, distortion="k1", folds=0)
     assert weak.sigma["fx0"] > 5 * found.sigma["fx0"]
-    with pytest.raises(Undetermined, match="do not determine"):
+    with pytest.raises(bundle.Undetermined, match="do not determine"):
         calibrate(*sightings(frontal), CHESS, sensors=SIZE, distortion="k1", folds=0)
 
 
 def test_what_cannot_be_solved_is_refused():
     views = sightings(true_poses(4))
     nothing = [TargetNotFound("no")] * 4
-    with pytest.raises(Undetermined, match="camera 1 has no picture"):
+    with pytest.raises(bundle.Undetermined, match="camera 1 has no picture"):
         calibrate(views[0], nothing, CHESS, sensors=SIZE)
-    with pytest.raises(Undetermined, match="by both cameras"):
+    with pytest.raises(bundle.Undetermined, match="by both cameras"):
         calibrate([*views[0][:2], None, None], [None, None, *views[1][2:]], CHESS, sensors=SIZE)
     few = [[Detection(v.ids[:4], v.pixels[:4], v.sigma[:4]) for v in own[:1]] for own in views]
-    with pytest.raises((Undetermined, ValueError), match=r"too few|explains"):
+    with pytest.raises((bundle.Undetermined, ValueError), match=r"too few|explains"):
         calibrate(*few, CHESS, sensors=SIZE)
     with pytest.raises(ValueError, match="equally many"):
         calibrate(views[0], views[1][:2], CHESS, sensors=SIZE)
@@ -385,8 +374,10 @@ def test_the_offset_of_a_dot_is_part_of_the_model():
     for k, views in enumerate(exact):
         for view, (R, t) in zip(views, poses, strict=True):
             turn, shift = (R, t) if k == 0 else (R01 @ R, R01 @ t + SHIFT)
-            sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
-            view.pixels[:] = project_points(cameras[k], sight, turn, shift)
+            sight = bundle.View(
+                0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma
+            )
+            view.pixels[:] = bundle.project_points(cameras[k], sight, turn, shift)
     found = calibrate(*exact, big, sensors=SIZE, distortion="k1", folds=0)
     centres = calibrate(*exact, CHESS, sensors=SIZE, distortion="k1", folds=0)
     assert found.rms < 1e-6
@@ -420,13 +411,15 @@ def test_adjusting_a_pose_alone_leaves_the_cameras():
     R, t = true_poses(1)[0]
     camera = Camera(fx=5400.0, fy=5390.0, cx=254.3, cy=258.3, distortion=tuple(LENS))
     view = sightings([(R, t)], noise=0.0)[0][0]
-    sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
-    start = Rig((camera, camera), {0: (exponential(np.array([0.05, -0.05, 0.1])) @ R, t + 1e-3)})
-    fit = adjust(start, [sight], np.zeros((SHARED_PARAMETERS, 0)))
+    sight = bundle.View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
+    start = bundle.Rig(
+        (camera, camera), {0: (bundle.exponential(np.array([0.05, -0.05, 0.1])) @ R, t + 1e-3)}
+    )
+    fit = bundle.adjust(start, [sight], np.zeros((bundle.SHARED_PARAMETERS, 0)))
     assert fit.rig.cameras[0] == camera
     np.testing.assert_allclose(fit.rig.poses[0][1], t, atol=1e-9)
-    assert np.abs(residuals(fit.rig, sight)).max() < 1e-6
-    assert free_columns((), square_pixels=False, relative=True).shape == (SHARED_PARAMETERS, 6)
+    assert np.abs(bundle.residuals(fit.rig, sight)).max() < 1e-6
+    assert bundle.free_columns((), square_pixels=False, relative=True).shape == (bundle.SHARED_PARAMETERS, 6)
 
 
 N = 8

@@ -21,7 +21,6 @@ def camera(side: float, cx: float, cy: float) -> Camera:
 
 
 FULL = StereoRig((camera(-1.0, 254.3, 258.3), camera(1.0, 257.1, 252.6)))
-CROP = np.array([192.0, 192.0])
 RIG = FULL.cropped((192.0, 192.0), (192.0, 192.0))
 
 

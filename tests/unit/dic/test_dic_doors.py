@@ -1,5 +1,4 @@
-"""A new member of each registry of `dic` passes all tests with one file and one line. The registries are
-camera file formats, picture formats and calibration targets."""
+"""A new camera format, picture format or target passes all tests with one file and one line."""
 
 import json
 from dataclasses import dataclass
@@ -14,18 +13,8 @@ from test_dic_calibration import SIZE, parameters, sightings, true_poses
 
 from dic import Camera, StereoRig, camera_files, open_pictures
 from dic import images as picture_formats
+from dic.calibration import targets
 from dic.calibration.solve import calibrate
-from dic.calibration.targets import (
-    TARGETS,
-    AsymmetricDots,
-    Charuco,
-    Chessboard,
-    Detection,
-    DottedCylinder,
-    FiducialDots,
-    Target,
-    TargetNotFound,
-)
 from dic.calibration.targets.base import Geometry, counts, positive
 from dic.calibration.views import detect
 from dic.camera_files import CameraFileError, read_rig
@@ -190,25 +179,25 @@ class MadeUpTarget:
         flat = np.tile([0.0, 0.0, 1.0], (n, 1))
         return Geometry(points, flat, np.zeros(n), np.zeros((n, 3)), np.arange(n)[None])
 
-    def detect(self, picture: np.ndarray) -> Detection:
+    def detect(self, picture: np.ndarray) -> targets.Detection:
         """Its dots, numbered by their size."""
         n = self.columns * self.rows
         dark = (picture < 0.5 * picture.max()).astype(np.uint8)
         count, _, boxes, middles = cv2.connectedComponentsWithStats(dark)
         if count != n + 1:
-            raise TargetNotFound(f"{count - 1} dots are seen, {n} were expected")
+            raise targets.TargetNotFound(f"{count - 1} dots are seen, {n} were expected")
         order = 1 + np.argsort(boxes[1:, cv2.CC_STAT_AREA])
-        return Detection(np.arange(n), middles[order], np.full(n, 0.05))
+        return targets.Detection(np.arange(n), middles[order], np.full(n, 0.05))
 
 
-EXAMPLES: dict[str, Target] = {
-    "chessboard": Chessboard(columns=9, rows=7, pitch=2e-3),
-    "charuco": Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3),
-    "fiducial_dots": FiducialDots(
+EXAMPLES: dict[str, targets.Target] = {
+    "chessboard": targets.Chessboard(columns=9, rows=7, pitch=2e-3),
+    "charuco": targets.Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3),
+    "fiducial_dots": targets.FiducialDots(
         columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=((2, 2), (7, 2), (2, 5))
     ),
-    "asymmetric_dots": AsymmetricDots(columns=4, rows=11, step=1e-3, diameter=0.8e-3),
-    "dotted_cylinder": DottedCylinder(
+    "asymmetric_dots": targets.AsymmetricDots(columns=4, rows=11, step=1e-3, diameter=0.8e-3),
+    "dotted_cylinder": targets.DottedCylinder(
         columns=12, rows=7, radius=8e-3, pitch=2e-3, arc=2e-3, size=1e-3, anchors=()
     ),
     "made_up": MadeUpTarget(columns=5, rows=4, pitch=3e-3),
@@ -219,17 +208,17 @@ EXAMPLES: dict[str, Target] = {
 @pytest.fixture
 def made_up_target(monkeypatch) -> None:
     """The made-up target's line in the registry."""
-    monkeypatch.setitem(TARGETS, "made_up", MadeUpTarget)
+    monkeypatch.setitem(targets.TARGETS, "made_up", MadeUpTarget)
 
 
 def test_every_target_has_an_example(made_up_target):
-    assert {kind: type(example) for kind, example in EXAMPLES.items()} == TARGETS
+    assert {kind: type(example) for kind, example in EXAMPLES.items()} == targets.TARGETS
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_a_target_has_a_geometry_that_the_solve_can_use(kind):
     target = EXAMPLES[kind]
-    assert isinstance(target, Target)
+    assert isinstance(target, targets.Target)
     g = target.geometry()
     n = len(g.points)
     assert (g.normals.shape, g.spread.shape, g.bend.shape) == ((n, 3), (n,), (n, 3))
@@ -245,7 +234,7 @@ def test_a_target_has_a_geometry_that_the_solve_can_use(kind):
 
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_a_target_is_refused_where_it_is_not_seen(kind):
-    with pytest.raises(TargetNotFound) as caught:
+    with pytest.raises(targets.TargetNotFound) as caught:
         detect(np.full((200, 300), 127, np.uint8), EXAMPLES[kind])
     assert "\n" not in str(caught.value)
 

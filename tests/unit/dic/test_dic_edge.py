@@ -1,5 +1,4 @@
-"""The edge of a speckled body from the correlation of rows: rendered strips with a known edge, and closed
-forms."""
+"""The edge of a speckled body from the correlation of rows: strips with a known edge, closed forms."""
 
 from dataclasses import replace
 from functools import cache
@@ -11,17 +10,7 @@ from scipy.special import ndtr
 from speckle_pictures import Speckles
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
-from dic.bodies.edge_fit import (
-    HALF,
-    block_sigma,
-    covariance,
-    fit_edge,
-    gap_before,
-    of_bands,
-    paint,
-    with_slopes,
-    without_shading,
-)
+from dic.bodies import edge_fit
 from dic.bodies.edge_registration import (
     LARGEST_EDGE,
     EdgeRegistration,
@@ -34,7 +23,7 @@ from dic.chain.test_frame import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.surfaces.cylinder import SpecimenFrame
 
 FINE = 8
-U = np.arange(-HALF, HALF + 1.0)
+U = np.arange(-edge_fit.HALF, edge_fit.HALF + 1.0)
 
 
 def strips(
@@ -50,7 +39,7 @@ def strips(
         return 1500.0 + 900.0 * np.tanh(1.5 * f / f.std())
 
     body = speckle()
-    v = ((np.arange(shape[0]) + 0.5) / FINE - 0.5 - HALF)[:, None]
+    v = ((np.arange(shape[0]) + 0.5) / FINE - 0.5 - edge_fit.HALF)[:, None]
     found = []
     for _ in range(frames):
         beyond = speckle() if speckled else 900.0
@@ -63,7 +52,7 @@ def strips(
 
 @pytest.mark.parametrize(("edge", "band"), [(0.3, 0.0), (-0.4, 1.5)])
 def test_a_body_that_ends_at_something_even(edge, band):
-    found = fit_edge(strips(edge, band=band, speckled=False), U, np.array([[0.0], [2.0]]))
+    found = edge_fit.fit_edge(strips(edge, band=band, speckled=False), U, np.array([[0.0], [2.0]]))
     assert abs(found.place - edge) < 3.0 * np.hypot(
         found.sigma, 0.06
     )  # the model's share: dic.chain.test_frame.MODEL
@@ -74,19 +63,19 @@ def test_a_body_that_ends_at_something_even(edge, band):
 def test_two_speckled_bodies(edge):
     """Rows of the body do not change from frame to frame: its own chance is in the sigma, by blocks of
     columns."""
-    found = fit_edge(strips(edge, frames=6), U, np.zeros((2, 6)), reach=1.0, sure=True)
+    found = edge_fit.fit_edge(strips(edge, frames=6), U, np.zeros((2, 6)), reach=1.0, sure=True)
     assert abs(found.place - edge) < 3.0 * np.hypot(found.sigma, 0.06)
 
 
 def test_fewer_rows_beyond_serve_too():
     few = U <= 3.0
-    found = fit_edge(strips(0.2, speckled=False)[:, few], U[few], np.array([[0.0], [0.3]]))
+    found = edge_fit.fit_edge(strips(0.2, speckled=False)[:, few], U[few], np.array([[0.0], [0.3]]))
     assert found.place == pytest.approx(0.2, abs=0.25)
 
 
 def test_an_edge_out_of_reach_is_none():
-    assert fit_edge(strips(4.5, speckled=False), U, np.zeros((2, 1)), reach=1.5) is None
-    assert fit_edge(np.full((1, U.size, 40), 7.0), U, np.zeros((2, 1))) is None
+    assert edge_fit.fit_edge(strips(4.5, speckled=False), U, np.zeros((2, 1)), reach=1.5) is None
+    assert edge_fit.fit_edge(np.full((1, U.size, 40), 7.0), U, np.zeros((2, 1))) is None
 
 
 @pytest.mark.parametrize("edge", [0.37, -9.1])  # within the strip, and beyond all of its paint
@@ -96,18 +85,19 @@ def test_slopes_of_the_covariance(edge):
     for free in (True, False):
         numeric = np.array(
             [
-                (covariance(p + h, U, width, free) - covariance(p - h, U, width, free)) / 2e-5
+                (edge_fit.covariance(p + h, U, width, free) - edge_fit.covariance(p - h, U, width, free))
+                / 2e-5
                 for h in 1e-5 * np.eye(p.size)
             ]
         )
-        np.testing.assert_allclose(with_slopes(p, U, width, free)[1], numeric, atol=1e-8)
+        np.testing.assert_allclose(edge_fit.with_slopes(p, U, width, free)[1], numeric, atol=1e-8)
 
 
 def test_bands_of_several_widths_have_the_covariance_of_each():
     p = np.array([0.37, *np.log([0.8, 1.5, 2.5, 1.2, 0.6, 0.1, 2.0]), 0.4])
     widths = np.array([[0.0, 0.5], [0.33, 1.1], [2.0, 0.0]])
-    for width, (C, slopes) in zip(widths, of_bands(p, U, widths, True), strict=True):
-        alone = with_slopes(p, U, width, True)
+    for width, (C, slopes) in zip(widths, edge_fit.of_bands(p, U, widths, True), strict=True):
+        alone = edge_fit.with_slopes(p, U, width, True)
         np.testing.assert_array_equal(C, alone[0])
         np.testing.assert_array_equal(slopes, alone[1])
 
@@ -117,20 +107,22 @@ def test_covariance_of_paint_that_ends():
     blurred."""
     p = np.array([0.3, *np.log([0.8, 1e3, 1e3, 2.0, 1.0, 0.1, 20.0]), 0.5])
     width = np.array([0.5, 1.0])
-    C = covariance(p, U, width, True)
+    C = edge_fit.covariance(p, U, width, True)
     inside, outside = ndtr((0.3 - U) / 0.8), ndtr((U - 0.3 - 1.0) / 0.8)  # band: 0.5 + 0.5 * 1
     wanted = 4.0 * np.outer(inside, inside) + np.outer(outside, outside) + 0.01 * np.eye(U.size)
     assert np.allclose(C, wanted, atol=2e-3)
-    held = covariance(p, U, width, False)[-1, -1]
+    held = edge_fit.covariance(p, U, width, False)[-1, -1]
     assert held == pytest.approx(ndtr((6.0 - 0.8) / 0.8) ** 2 + 0.01, abs=2e-3)
-    assert paint(np.array([2.0]), 1.0, 0.5)[0] == pytest.approx(5.0**-0.5)  # (1 + 4 / (2 * 0.5)) ** -0.5
+    assert edge_fit.paint(np.array([2.0]), 1.0, 0.5)[0] == pytest.approx(
+        5.0**-0.5
+    )  # (1 + 4 / (2 * 0.5)) ** -0.5
 
 
 def test_shading_along_the_edge_is_taken_out():
     x = np.linspace(-1.0, 1.0, 40)
     rows = np.stack([3.0 + 2.0 * x, 1.0 - x**2])[None]
-    assert np.abs(without_shading(rows)).max() < 1e-12
-    assert np.abs(without_shading(rows + x**3)).max() > 0.1
+    assert np.abs(edge_fit.without_shading(rows)).max() < 1e-12
+    assert np.abs(edge_fit.without_shading(rows + x**3)).max() > 0.1
 
 
 def test_sigma_from_the_scatter_of_blocks():
@@ -139,7 +131,7 @@ def test_sigma_from_the_scatter_of_blocks():
     squares = np.array([1.0, 3.0, 2.0, 6.0])
     g = 0.5 * (squares - squares.mean()) / squares.mean() ** 2
     H = np.array([[4 * 0.5 / squares.mean() ** 2]])
-    assert block_sigma(g[:, None], H) == pytest.approx(squares.std(ddof=1) / 2.0)
+    assert edge_fit.block_sigma(g[:, None], H) == pytest.approx(squares.std(ddof=1) / 2.0)
 
 
 def test_places_are_weighted_and_disagreement_counts():
@@ -180,11 +172,11 @@ def test_a_rim_that_hides_the_end(height):
 def test_a_gap_before_the_edge_is_measured_from_where_half_the_contrast_is_left():
     u = np.arange(-6.0, 7.0)
     sharp = np.where(u <= 0.0, 10.0, 0.0)  # paint up to the edge at 0.5: half is left there
-    assert gap_before(sharp, u, 0.5) == pytest.approx(0.0)
+    assert edge_fit.gap_before(sharp, u, 0.5) == pytest.approx(0.0)
     # ends in a gap: 10, 10, 10, 10 at -3, 4 at -2: half of it at -3 + 5/6
     fades = np.array([10.0, 10.0, 10.0, 10.0, 4.0, 2.0, 1.0, 0, 0, 0, 0, 0, 0])
-    assert gap_before(fades, u, -0.2) == pytest.approx(-0.2 + 3.0 - 5.0 / 6.0)
-    assert gap_before(np.full(13, 10.0), u, 2.0) == 0.0
+    assert edge_fit.gap_before(fades, u, -0.2) == pytest.approx(-0.2 + 3.0 - 5.0 / 6.0)
+    assert edge_fit.gap_before(np.full(13, 10.0), u, 2.0) == 0.0
 
 
 def test_phases_of_a_strip_add_what_they_differ_by_and_what_a_gap_leaves_open():

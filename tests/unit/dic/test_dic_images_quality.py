@@ -9,18 +9,10 @@ from scipy.ndimage import fourier_shift, gaussian_filter
 from test_dic_calibration import CHESS, SIZE, TEXT, sightings, true_poses
 
 import dic.calibration.views
+from dic import images
 from dic.calibration.solve import calibrate
 from dic.calibration.views import PairOutcome
 from dic.chain.remarks import Speckles
-from dic.images import (
-    PictureError,
-    check_series,
-    frame_health,
-    grey_noise,
-    of_colours,
-    open_pictures,
-    speckle_quality,
-)
 from dic.images.__main__ import main
 from dic.images.quality import gradient, noise_gain
 from dic.images.series import PicturesInMemory, PictureSizeError
@@ -83,7 +75,7 @@ def static(n=12, *, intercept=100.0, slope=0.2, flicker=0.02, motion=0.0, seed=4
 
 def test_noise_and_its_dependence_on_brightness():
     frames, gains, _ = static()
-    noise = grey_noise(frames, range(12))
+    noise = images.grey_noise(frames, range(12))
     # median over 11 pairs of 25 600 pixels: 0.5 % each
     assert noise.sigma == pytest.approx(np.sqrt(100.0 + 0.2 * 1500.0), rel=0.01)
     assert noise.slope == pytest.approx(0.2, abs=4.0 * noise.slope_sigma)
@@ -96,7 +88,7 @@ def test_noise_and_its_dependence_on_brightness():
 
 def test_flicker_and_a_trembling_rig_are_not_noise():
     frames, _, moves = static(slope=0.0, flicker=0.05, motion=0.05)
-    noise = grey_noise(frames, range(12))
+    noise = images.grey_noise(frames, range(12))
     trembling = 0.05 * np.sqrt(np.mean(gradient(frames[0])[0] ** 2)) * np.sqrt(2.0)
     assert trembling > 9.0  # nearly as much again as the noise: worth taking off
     # what first order leaves of a motion of up to 0.1 px, ½ u² f'': under 2 % of the noise in the square
@@ -109,16 +101,16 @@ def test_noise_of_whole_numbers_contains_their_rounding():
     rng = np.random.default_rng(6)
     clean = blurred(contrast=25.0, mean=120.0)
     frames = [np.rint(clean + 0.8 * rng.normal(size=clean.shape)).astype(np.uint8) for _ in range(6)]
-    assert grey_noise(frames, range(6)).sigma == pytest.approx(np.sqrt(0.64 + 1.0 / 12.0), rel=0.02)
+    assert images.grey_noise(frames, range(6)).sigma == pytest.approx(np.sqrt(0.64 + 1.0 / 12.0), rel=0.02)
 
 
 def test_noise_that_cannot_be_measured_is_refused():
     with pytest.raises(ValueError, match="at least 2 static frames, got 1"):
-        grey_noise([blurred()], [0])
+        images.grey_noise([blurred()], [0])
     with pytest.raises(ValueError, match="equal to the last bit"):
-        grey_noise([blurred(), blurred()], [0, 1])
+        images.grey_noise([blurred(), blurred()], [0, 1])
     with pytest.raises(ValueError, match="at least 100 pixels"):
-        grey_noise([blurred(), blurred()], [0, 1], mask=np.zeros((160, 160), dtype=bool))
+        images.grey_noise([blurred(), blurred()], [0, 1], mask=np.zeros((160, 160), dtype=bool))
 
 
 # --- speckles -----------------------------------------------------------------------------------------
@@ -128,7 +120,7 @@ def test_noise_that_cannot_be_measured_is_refused():
 @pytest.mark.parametrize("sigma", [0.0, 100.0])
 def test_size_by_autocorrelation(width, sigma):
     f = blurred(256, width) + sigma * np.random.default_rng(3).normal(size=(256, 256))
-    quality = speckle_quality(f, None, 31, max(sigma, 1e-3))
+    quality = images.speckle_quality(f, None, 31, max(sigma, 1e-3))
     expected = 4.0 * np.sqrt(np.log(2.0)) * width
     # a sample of some 256²/(4π width²) speckles; a straight line between whole lags adds up to 0.1 px
     np.testing.assert_allclose(quality.size, expected, rtol=0.04, atol=0.1)
@@ -147,7 +139,7 @@ def test_size_by_edges_and_coverage_of_discs_thrown_at_random(diameter, bright):
     f = cv2.resize(discs.astype(np.float64), (side, side), interpolation=cv2.INTER_AREA)
     f = 600.0 + 800.0 * f if bright else 1400.0 - 800.0 * f
     f += 10.0 * rng.normal(size=f.shape)
-    quality = speckle_quality(f, None, 31, 10.0)
+    quality = images.speckle_quality(f, None, 31, 10.0)
     share = 1.0 - quality.coverage if bright else quality.coverage
     assert share == pytest.approx(covered, abs=0.01)  # the threshold lies within the pixels at the edges
     # chords shorter than a pixel are not seen: 1 px of 8, and the sample of discs scatters by 3 %
@@ -160,15 +152,15 @@ def test_mean_gradient_of_a_wave_with_and_without_noise():
     expected = np.mean(100.0 * k * np.abs(np.cos(k * x)))
     mask = np.zeros(f.shape, dtype=bool)
     mask[:, 14:-14] = True
-    assert speckle_quality(f, mask, 21, 1e-3).mean_gradient == pytest.approx(expected, rel=2e-3)
+    assert images.speckle_quality(f, mask, 21, 1e-3).mean_gradient == pytest.approx(expected, rel=2e-3)
     noisy = f + 3.0 * np.random.default_rng(1).normal(size=f.shape)
     # the noise's own |∇f| is 1.4 · 3 beside 29: taken off in the square but for where the gradient is nil
-    assert speckle_quality(noisy, mask, 21, 3.0).mean_gradient == pytest.approx(expected, rel=0.02)
+    assert images.speckle_quality(noisy, mask, 21, 3.0).mean_gradient == pytest.approx(expected, rel=0.02)
 
 
 def test_floor_of_waves_is_the_closed_form():
     # 21 px hold three whole waves: ΣGx² = A² k² 21²/2, and the cross term is nil
-    quality = speckle_quality(waves(), None, 21, 2.0)
+    quality = images.speckle_quality(waves(), None, 21, 2.0)
     expected = np.sqrt(2.0 * 2.0**2 / ((100.0 * 2.0 * np.pi / 7) ** 2 * 21**2 / 2.0))
     inside = quality.floor[40:-40, 40:-40]
     # the noise's part, 1.9 σ² of a mean square of 4000, is taken off though none is there: 0.1 %
@@ -182,8 +174,8 @@ def test_floor_is_the_scatter_of_another_programs_matches(slope):
     rng = np.random.default_rng(8)
     line = np.sqrt(100.0 + slope * clean)
     frames = [clean + line * rng.normal(size=clean.shape) for _ in range(300)]
-    noise = grey_noise(frames, range(8)) if slope else 10.0
-    quality = speckle_quality(np.mean(frames[:8], axis=0), None, 21, noise, averaged=8)
+    noise = images.grey_noise(frames, range(8)) if slope else 10.0
+    quality = images.speckle_quality(np.mean(frames[:8], axis=0), None, 21, noise, averaged=8)
     found = []
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 1e-6)
     for a, b in zip(frames[::2], frames[1::2], strict=True):
@@ -200,14 +192,14 @@ def test_floor_is_the_scatter_of_another_programs_matches(slope):
 def test_the_subset_needed_for_a_floor():
     f = blurred(120, 2.0)
     wanted = 0.008
-    quality = speckle_quality(f, None, 15, 20.0, wanted=wanted)
+    quality = images.speckle_quality(f, None, 15, 20.0, wanted=wanted)
     assert 0.05 < quality.too_small.mean() < 1.0
     for row, column in ((60, 60), (40, 75)):
         side = int(quality.needed[row, column])
         assert side > 5
-        assert np.all(speckle_quality(f, None, side, 20.0).floor[row, column] <= wanted)
-        assert np.any(speckle_quality(f, None, side - 2, 20.0).floor[row, column] > wanted)
-    assert not speckle_quality(f, None, 15, 20.0).too_small.any()  # nothing was asked for
+        assert np.all(images.speckle_quality(f, None, side, 20.0).floor[row, column] <= wanted)
+        assert np.any(images.speckle_quality(f, None, side - 2, 20.0).floor[row, column] > wanted)
+    assert not images.speckle_quality(f, None, 15, 20.0).too_small.any()  # nothing was asked for
 
 
 def test_where_there_are_no_speckles_no_subset_is_enough():
@@ -215,7 +207,7 @@ def test_where_there_are_no_speckles_no_subset_is_enough():
     f[:, :60] = 1500.0
     mask = np.ones(f.shape, dtype=bool)
     mask[90:] = False
-    quality = speckle_quality(f, mask, 21, 20.0, wanted=0.02)
+    quality = images.speckle_quality(f, mask, 21, 20.0, wanted=0.02)
     assert np.all(np.isinf(quality.floor[20:70, 15:45]))
     assert np.all(quality.too_small[20:70, 15:45])
     assert np.all(np.isnan(quality.floor[105:]))
@@ -239,7 +231,7 @@ def test_where_there_are_no_speckles_no_subset_is_enough():
 def test_what_cannot_be_judged_is_refused(change, message):
     given = {"picture": waves(), "mask": None, "subset": 21, "noise": 2.0, **change}
     with pytest.raises(ValueError, match=message):
-        speckle_quality(
+        images.speckle_quality(
             given.pop("picture"), given.pop("mask"), given.pop("subset"), given.pop("noise"), **given
         )
 
@@ -256,8 +248,8 @@ def test_the_report_says_what_the_functions_say(tmp_path, capsys):
     assert main([str(tmp_path), *options]) == 0
     said = capsys.readouterr().out
     whole = [np.rint(frame) for k, frame in enumerate(frames) if k != 6]
-    noise = grey_noise(whole, range(7))
-    quality = speckle_quality(np.mean(whole, axis=0), None, 21, noise, averaged=7)
+    noise = images.grey_noise(whole, range(7))
+    quality = images.speckle_quality(np.mean(whole, axis=0), None, 21, noise, averaged=7)
     assert "8 frames of 160 x 160 px, 12 bits, no times" in said
     assert "7 good frames" in said
     assert "no file has the number 6" in said
@@ -282,7 +274,7 @@ def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
     f = blurred(80)
     mask = np.ones(f.shape, dtype=bool)
     mask[:, 60:] = False
-    quality = speckle_quality(f, mask, 21, 20.0, wanted=wanted)
+    quality = images.speckle_quality(f, mask, 21, 20.0, wanted=wanted)
     figure = build(SPECKLES["speckle-floor"], Speckles(f, quality))
     labels = {ax.get_xlabel() for ax in figure.axes}
     assert {"$x$ (px)", "Floor (mpx)", "Predicted floor (mpx)"} <= labels
@@ -309,7 +301,7 @@ def test_light_is_evened_out_where_there_is_some():
 
 def test_a_picture_that_cannot_be_used_is_named_with_its_reason():
     views = sightings(true_poses(7))
-    views[1][4] = PictureError("cam1_4.png", "the PNG file is cut off", frame=4)
+    views[1][4] = images.PictureError("cam1_4.png", "the PNG file is cut off", frame=4)
     found = calibrate(*views, CHESS, sensors=SIZE, distortion="k1", folds=0)
     pair = found.pairs[4]
     assert pair.outcome is PairOutcome.ONE_CAMERA
@@ -420,8 +412,8 @@ def sixteen(i):
 )
 def test_series_that_cannot_be_correlated_are_refused_by_their_cause(tmp_path, picture, ending, words):
     write_series(tmp_path, picture, ending)
-    with pytest.raises(PictureError, match=words):
-        check_series(series := open_pictures(tmp_path), frame_health(series))
+    with pytest.raises(images.PictureError, match=words):
+        images.check_series(series := images.open_pictures(tmp_path), images.frame_health(series))
 
 
 def write_series(folder, picture, ending):
@@ -435,13 +427,13 @@ def test_grey_in_three_colours_is_read_with_a_remark_and_one_lost_frame_stands_a
     pictures = [scene(i) for i in range(6)]
     (tmp_path / "three").mkdir()
     write_series(tmp_path / "three", lambda i: np.repeat(pictures[i][..., None], 3, 2), "png")
-    series = open_pictures(tmp_path / "three")
+    series = images.open_pictures(tmp_path / "three")
     np.testing.assert_array_equal(series.frame(2), pictures[2])
-    assert [remark.name for remark in of_colours([series])] == ["grey in three colours"]
+    assert [remark.name for remark in images.of_colours([series])] == ["grey in three colours"]
     (tmp_path / "one").mkdir()
     write_series(tmp_path / "one", lambda i: cut(i) if i == 4 else pictures[i], "png")
-    series = open_pictures(tmp_path / "one")
-    health = frame_health(series)
-    check_series(series, health)
+    series = images.open_pictures(tmp_path / "one")
+    health = images.frame_health(series)
+    images.check_series(series, health)
     assert "a_4.png" in health.notes[4]
-    assert of_colours([series]) == ()
+    assert images.of_colours([series]) == ()

@@ -1,5 +1,4 @@
-"""Work in several processes gives the result of one process: strains and the gate of the smooth surface. The
-inspection of two cameras."""
+"""Several processes give the result of one: strains, the gate of the smooth surface, the inspection."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,4 @@
-"""Paint, sensor, boards and picture files of the renderer: statistics in closed form, and reading of the
-files."""
+"""Paint, sensor, boards and picture files of the renderer: statistics in closed form, and reading."""
 
 import cv2
 import numpy as np

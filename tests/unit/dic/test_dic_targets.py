@@ -6,21 +6,13 @@ import pytest
 from boards import LENS, MATRIX, averaged, cylinder, dots, flat, pixels, pose
 
 from dic import Camera
+from dic.calibration import targets
 from dic.calibration.bundle import View, centroids, project_points
 from dic.calibration.dots import noise_level
-from dic.calibration.targets import (
-    TARGETS,
-    AsymmetricDots,
-    Charuco,
-    Chessboard,
-    DottedCylinder,
-    FiducialDots,
-    TargetNotFound,
-)
 from dic.calibration.views import detect
 
 HOLLOW = ((2, 2), (7, 2), (2, 5))
-GRID = FiducialDots(columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=HOLLOW, hole=0.28e-3)
+GRID = targets.FiducialDots(columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=HOLLOW, hole=0.28e-3)
 PAINT = dots(10, 8, 1.2e-3, 0.6e-3, HOLLOW, 0.28e-3)
 MIDDLE = (5.4e-3, 4.2e-3)
 
@@ -44,7 +36,7 @@ def test_fiducial_dots_are_numbered_and_located_at_any_roll(roll):
 def test_white_dots_on_black_are_the_same_target():
     R, t = pose((0.2, -0.3, 0.1), MIDDLE, 0.095)
     picture = averaged(1.0 - flat(PAINT, R, t), noise=1.0)
-    white = FiducialDots(columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=HOLLOW, dark=False)
+    white = targets.FiducialDots(columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=HOLLOW, dark=False)
     found = detect(picture, white)
     assert len(found.ids) == 80
     assert np.sqrt(np.mean(off(GRID, found, R, t) ** 2)) < 0.015  # as above, with edges less sharp in B
@@ -128,7 +120,7 @@ def squares(X):
 
 
 def test_a_chessboard_is_located():
-    board = Chessboard(columns=9, rows=6, pitch=1.2e-3)
+    board = targets.Chessboard(columns=9, rows=6, pitch=1.2e-3)
     R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
     found = detect(averaged(flat(squares, R, t), noise=1.0), board)
     there = pixels(board.geometry().points, R, t)
@@ -139,12 +131,14 @@ def test_a_chessboard_is_located():
 def test_a_board_of_which_squares_were_counted_says_its_inner_corners():
     R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
     picture = averaged(flat(squares, R, t), noise=1.0)
-    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares minus one"):
-        detect(picture, Chessboard(columns=10, rows=7, pitch=1.2e-3))
+    with pytest.raises(
+        targets.TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares minus one"
+    ):
+        detect(picture, targets.Chessboard(columns=10, rows=7, pitch=1.2e-3))
 
 
 def test_a_charuco_board_is_numbered_by_its_markers():
-    board = Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3, dictionary="DICT_4X4_50")
+    board = targets.Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3, dictionary="DICT_4X4_50")
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     printed = cv2.aruco.CharucoBoard((7, 5), 4e-3, 3e-3, dictionary).generateImage((1400, 1000))
     H = np.array([[0.5, 0.08, 60.0], [-0.06, 0.55, 90.0], [4e-5, 8e-5, 1.0]])
@@ -163,7 +157,7 @@ def test_a_charuco_board_is_numbered_by_its_markers():
 
 
 def test_an_asymmetric_grid_is_numbered():
-    grid = AsymmetricDots(columns=4, rows=7, step=1.1e-3, diameter=0.8e-3)
+    grid = targets.AsymmetricDots(columns=4, rows=7, step=1.1e-3, diameter=0.8e-3)
     R, t = pose((0.2, -0.2, 0.1), (3.8e-3, 3.3e-3), 0.1)
     centres = grid.geometry().points[:, :2]
 
@@ -195,7 +189,9 @@ def patch(column: int, row: int, a: float) -> np.ndarray:
 
 def test_a_dotted_cylinder_is_numbered_from_three_anchors():
     a = 0.9e-3
-    body = DottedCylinder(columns=12, rows=7, radius=8e-3, pitch=2.2e-3, arc=2.2e-3, size=a, square=True)
+    body = targets.DottedCylinder(
+        columns=12, rows=7, radius=8e-3, pitch=2.2e-3, arc=2.2e-3, size=a, square=True
+    )
 
     def paint(X):
         place = X / [2.2e-3 / 8e-3, 2.2e-3]
@@ -211,7 +207,7 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
     picture = averaged(cylinder(paint, 8e-3, R, t), noise=1.0)
     there = pixels(body.geometry().points, R, t)
     anchors = tuple((c, r, *np.round(there[r * 12 + c] + [3, -3])) for c, r in ((5, 3), (6, 3), (5, 4)))
-    found = detect(picture, DottedCylinder(**{**vars(body), "anchors": anchors}))
+    found = detect(picture, targets.DottedCylinder(**{**vars(body), "anchors": anchors}))
     assert len(set(found.ids % 12)) >= 5
     # The centroid of each patch's outline as OpenCV projects it, curved as it is; rays and noise as above.
     expected = np.array([outline_centroid(pixels(patch(n % 12, n // 12, a), R, t)) for n in found.ids])
@@ -227,9 +223,9 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
     )
     # Eq. (CC.2) keeps the first order in patch size over radius, 0.11 here; 10 % of shifts of 0.2 px remain
     np.testing.assert_allclose(project_points(camera, sight, R, t), expected, atol=0.02)
-    with pytest.raises(TargetNotFound, match="no dot at the anchor"):
-        detect(picture, DottedCylinder(**{**vars(body), "anchors": ((5, 3, 5.0, 5.0), *anchors[1:])}))
-    with pytest.raises(TargetNotFound, match="anchors"):
+    with pytest.raises(targets.TargetNotFound, match="no dot at the anchor"):
+        detect(picture, targets.DottedCylinder(**{**vars(body), "anchors": ((5, 3, 5.0, 5.0), *anchors[1:])}))
+    with pytest.raises(targets.TargetNotFound, match="anchors"):
         detect(picture, body)
 
 
@@ -238,15 +234,15 @@ def test_pictures_without_the_target_say_so():
     R, t = pose((0.1, 0.1, 0.0), MIDDLE, 0.095)
     two = averaged(flat(dots(10, 8, 1.2e-3, 0.6e-3, HOLLOW[:2], 0.28e-3), R, t))
     for picture in (np.zeros((200, 300), np.uint8), rng.integers(0, 255, (200, 300)).astype(np.uint8), two):
-        with pytest.raises(TargetNotFound, match="hollow"):
+        with pytest.raises(targets.TargetNotFound, match="hollow"):
             detect(picture, GRID)
     plain = two.astype(np.uint16) * 16
     for target, said in (
-        (Chessboard(columns=9, rows=6, pitch=1e-3), "no chessboard"),
-        (Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3), "ChArUco"),
-        (AsymmetricDots(columns=4, rows=11, step=1e-3, diameter=0.8e-3), "asymmetric"),
+        (targets.Chessboard(columns=9, rows=6, pitch=1e-3), "no chessboard"),
+        (targets.Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3), "ChArUco"),
+        (targets.AsymmetricDots(columns=4, rows=11, step=1e-3, diameter=0.8e-3), "asymmetric"),
     ):
-        with pytest.raises(TargetNotFound, match=said):
+        with pytest.raises(targets.TargetNotFound, match=said):
             detect(plain, target)
     with pytest.raises(ValueError, match="must be grey"):
         detect(np.zeros((10, 10, 3)), GRID)
@@ -287,7 +283,7 @@ def test_impossible_targets_are_refused(kind, options, said):
         },
     }.get(kind, {})  # fmt: skip
     with pytest.raises(ValueError, match=said):
-        TARGETS[kind](**(base | options))
+        targets.TARGETS[kind](**(base | options))
 
 
 def test_the_renderer_and_opencv_agree_on_the_lens():

@@ -1,5 +1,4 @@
-"""Installed files: the conda recipe requires the dependencies of the package, and every file of a page is
-shipped."""
+"""Installed files: the conda recipe's dependencies are the package's, and every file of a page is shipped."""
 
 import os
 import re

@@ -1,8 +1,4 @@
-"""The documentation's build runs the tutorials; these tests show that it can fail.
-
-The build would not fail for a page without a kernel in its front matter, or for an undetected failure of a
-cell.
-"""
+"""The documentation's build runs the tutorials; these tests show that it can fail."""
 
 import re
 import subprocess

@@ -1,5 +1,4 @@
-"""Gaussian processes: likelihood, prediction and leave-one-out compared with direct formulas; correct
-variance."""
+"""Gaussian processes: likelihood, prediction and leave-one-out against direct formulas; the variance."""
 
 import numpy as np
 import pytest

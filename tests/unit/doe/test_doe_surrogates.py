@@ -8,16 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, RBFInterpolator
 
-from doe import (
-    SURROGATES,
-    Box,
-    CostSurrogate,
-    ResponseSurrogate,
-    Surrogate,
-    full_factorial,
-    latin_hypercube,
-    sobol,
-)
+import doe
 from doe.surrogates import (
     DEFAULT_KERNELS,
     Kernel,
@@ -31,7 +22,7 @@ from doe.surrogates.quadratic import runs_wanted, terms
 from doe.surrogates.rbf import choose_kernel, loo_operator
 
 FloatArray = NDArray[np.float64]
-BOX = Box(("m", "beta"), (0.75, 1e-6), (1.25, 1e-4), (False, True))
+BOX = doe.Box(("m", "beta"), (0.75, 1e-6), (1.25, 1e-4), (False, True))
 TIME = np.linspace(0.0, 1.0, 40)
 
 
@@ -46,17 +37,17 @@ def response(points: FloatArray) -> FloatArray:
 SCALE = np.repeat([1.0, 1e-5], 40)
 
 
-def fitted(kind: str) -> tuple[Surrogate, FloatArray]:
+def fitted(kind: str) -> tuple[doe.Surrogate, FloatArray]:
     """Every kind of surrogate on the same runs, and the values it was given."""
-    points = sobol(BOX, 32, rng=0).points
+    points = doe.sobol(BOX, 32, rng=0).points
     values = response(points)
     if kind == "cost":
         cost = np.sum(values[:, :40] ** 2, axis=1)
-        return CostSurrogate.fit(BOX, points, cost), cost[:, None]
-    return SURROGATES[kind].fit(BOX, points, values, scale=SCALE), values
+        return doe.CostSurrogate.fit(BOX, points, cost), cost[:, None]
+    return doe.SURROGATES[kind].fit(BOX, points, values, scale=SCALE), values
 
 
-@pytest.mark.parametrize("kind", [*SURROGATES, "cost"])
+@pytest.mark.parametrize("kind", [*doe.SURROGATES, "cost"])
 def test_battery(kind: str) -> None:
     surrogate, values = fitted(kind)
     assert surrogate.box == BOX
@@ -79,9 +70,9 @@ def test_battery(kind: str) -> None:
 
 def test_response_is_predicted_between_the_runs() -> None:
     surrogate, _ = fitted("response")
-    assert isinstance(surrogate, ResponseSurrogate)
-    inside = Box(("m", "beta"), (0.8, 2e-6), (1.2, 5e-5), (False, True))
-    points = sobol(inside, 64, rng=1).points
+    assert isinstance(surrogate, doe.ResponseSurrogate)
+    inside = doe.Box(("m", "beta"), (0.8, 2e-6), (1.2, 5e-5), (False, True))
+    points = doe.sobol(inside, 64, rng=1).points
     error = np.sqrt(np.mean(((surrogate.predict(points) - response(points)) / SCALE) ** 2))
     # Leave-one-out is pessimistic: corners are extrapolated and the design is thinner by one run.
     assert error < surrogate.loo_rms
@@ -89,13 +80,13 @@ def test_response_is_predicted_between_the_runs() -> None:
 
 
 def test_leave_one_out_of_the_response_is_the_refit() -> None:
-    points = full_factorial(BOX, 4).points
+    points = doe.full_factorial(BOX, 4).points
     values = response(points)
     kernel = (Kernel("cubic", 1),)
-    surrogate = ResponseSurrogate.fit(BOX, points, values, scale=SCALE, variance=1.0, kernels=kernel)
+    surrogate = doe.ResponseSurrogate.fit(BOX, points, values, scale=SCALE, variance=1.0, kernels=kernel)
     for i in (0, 5, 15):
         rest = np.arange(16) != i
-        other = ResponseSurrogate.fit(
+        other = doe.ResponseSurrogate.fit(
             BOX, points[rest], values[rest], scale=SCALE, variance=1.0, kernels=kernel
         )
         residual = values[i] - other.predict(points[i : i + 1], extrapolate=True)[0]
@@ -107,15 +98,17 @@ def test_leave_one_out_of_the_response_is_the_refit() -> None:
 
 
 def test_leave_one_out_contains_what_truncation_lost() -> None:
-    points = full_factorial(BOX, 4).points
+    points = doe.full_factorial(BOX, 4).points
     values = response(points)
     kernel = (Kernel("cubic", 1),)
-    surrogate = ResponseSurrogate.fit(BOX, points, values, scale=SCALE, variance=0.9, kernels=kernel)
+    surrogate = doe.ResponseSurrogate.fit(BOX, points, values, scale=SCALE, variance=0.9, kernels=kernel)
     assert surrogate.n_components < 3
     # The truncated responses at the runs, interpolated in full without run 5, against the whole run 5.
     kept = surrogate.predict(points)
     rest = np.arange(16) != 5
-    other = ResponseSurrogate.fit(BOX, points[rest], kept[rest], scale=SCALE, variance=1.0, kernels=kernel)
+    other = doe.ResponseSurrogate.fit(
+        BOX, points[rest], kept[rest], scale=SCALE, variance=1.0, kernels=kernel
+    )
     residual = (values[5] - other.predict(points[5:6])[0]) / SCALE
     np.testing.assert_allclose(
         surrogate.loo_residuals[5] / SCALE, residual, atol=1e-9
@@ -124,7 +117,7 @@ def test_leave_one_out_contains_what_truncation_lost() -> None:
 
 
 def test_truncation_error_is_honest() -> None:
-    values = response(sobol(BOX, 16, rng=3).points)
+    values = response(doe.sobol(BOX, 16, rng=3).points)
     reduced = PrincipalComponents.fit(values, scale=SCALE, variance=0.999)
     error = values - reduced.expand(reduced.scores(values))
     np.testing.assert_allclose(reduced.truncation / SCALE, error / SCALE, atol=1e-11)  # round-off of O(100)
@@ -133,7 +126,7 @@ def test_truncation_error_is_honest() -> None:
 
 @pytest.mark.parametrize("variance", [0.9, 0.999, 1.0 - 1e-8])
 def test_kept_variance_is_that_of_the_covariance_matrix(variance: float) -> None:
-    values = response(sobol(BOX, 16, rng=3).points)
+    values = response(doe.sobol(BOX, 16, rng=3).points)
     reduced = PrincipalComponents.fit(values, scale=SCALE, variance=variance)
     # Eckart-Young by another road: eigenvalues of the covariance matrix.
     eigenvalues = np.linalg.eigvalsh(np.cov((values / SCALE).T))[::-1]
@@ -146,7 +139,7 @@ def test_kept_variance_is_that_of_the_covariance_matrix(variance: float) -> None
 
 
 def test_scale_decides_what_is_kept() -> None:
-    values = response(sobol(BOX, 16, rng=3).points)
+    values = response(doe.sobol(BOX, 16, rng=3).points)
     # Without weights the radius (1e-3) is nothing beside the force (50): its truncation is far larger.
     careless = PrincipalComponents.fit(values, variance=0.999)
     careful = PrincipalComponents.fit(values, scale=SCALE, variance=0.999)
@@ -154,25 +147,25 @@ def test_scale_decides_what_is_kept() -> None:
 
 
 def test_a_response_that_depends_on_nothing() -> None:
-    points = full_factorial(BOX, 3).points
-    surrogate = ResponseSurrogate.fit(BOX, points, np.full((9, 3), 7.0))
+    points = doe.full_factorial(BOX, 3).points
+    surrogate = doe.ResponseSurrogate.fit(BOX, points, np.full((9, 3), 7.0))
     assert surrogate.predict([[1.0, 1e-5]]).tolist() == [[7.0, 7.0, 7.0]]
     assert surrogate.loo_rms == 0.0
 
 
 def test_the_response_beats_the_cost_with_a_kink() -> None:
     # |F(m) - F(1.12)| summed: the kink lies between two runs, where only the response can find it.
-    box = Box(("m",), (0.75,), (1.25,))
-    points = full_factorial(box, 9).points
+    box = doe.Box(("m",), (0.75,), (1.25,))
+    points = doe.full_factorial(box, 9).points
     fine = np.linspace(0.75, 1.25, 2001)[:, None]
 
     def force(m: FloatArray) -> FloatArray:
         return 50.0 * np.sqrt(m) * TIME
 
     target = force(np.array([[1.12]]))
-    from_response = ResponseSurrogate.fit(box, points, force(points)).predict(fine)
+    from_response = doe.ResponseSurrogate.fit(box, points, force(points)).predict(fine)
     by_response = fine[np.argmin(np.abs(from_response - target).sum(axis=1)), 0]
-    cost = CostSurrogate.fit(box, points, np.abs(force(points) - target).sum(axis=1))
+    cost = doe.CostSurrogate.fit(box, points, np.abs(force(points) - target).sum(axis=1))
     by_cost = fine[np.argmin(cost.predict(fine)[:, 0]), 0]
     assert abs(by_response - 1.12) < 2.5e-4  # one step of the fine grid
     assert abs(by_cost - 1.12) > 4.0 * abs(by_response - 1.12)
@@ -180,34 +173,34 @@ def test_the_response_beats_the_cost_with_a_kink() -> None:
 
 
 def test_refusals() -> None:
-    points = full_factorial(BOX, 3).points
+    points = doe.full_factorial(BOX, 3).points
     values = response(points)
     with pytest.raises(ValueError, match="run 0: m = 0 is outside"):
-        ResponseSurrogate.fit(BOX, np.tile([0.0, 1e-5], (9, 1)), values)
+        doe.ResponseSurrogate.fit(BOX, np.tile([0.0, 1e-5], (9, 1)), values)
     with pytest.raises(ValueError, match=r"values must have shape \[9, k\]"):
-        ResponseSurrogate.fit(BOX, points, values[:8])
+        doe.ResponseSurrogate.fit(BOX, points, values[:8])
     with pytest.raises(ValueError, match=r"costs must have shape \[n\]"):
-        CostSurrogate.fit(BOX, points, values)
+        doe.CostSurrogate.fit(BOX, points, values)
     bad = values.copy()
     bad[[4, 7], 3:] = np.nan
     with pytest.raises(SurrogateError, match=r"run 4 has nan in entry 3 \(2 of 9 runs are not finite\)"):
-        ResponseSurrogate.fit(BOX, points, bad)
+        doe.ResponseSurrogate.fit(BOX, points, bad)
     with pytest.raises(ValueError, match=r"scale must be finite and > 0, got 0\.0 for entry 79"):
-        ResponseSurrogate.fit(BOX, points, values, scale=np.append(SCALE[:-1], 0.0))
+        doe.ResponseSurrogate.fit(BOX, points, values, scale=np.append(SCALE[:-1], 0.0))
     with pytest.raises(ValueError, match=r"variance must be in \(0, 1\], got 1.1"):
-        ResponseSurrogate.fit(BOX, points, values, variance=1.1)
+        doe.ResponseSurrogate.fit(BOX, points, values, variance=1.1)
     with pytest.raises(SurrogateError, match="at least 4 runs"):
-        ResponseSurrogate.fit(BOX, points[:3], values[:3])
+        doe.ResponseSurrogate.fit(BOX, points[:3], values[:3])
 
 
 class Nearest:
     """A made-up surrogate: the response of the nearest run."""
 
-    def __init__(self, box: Box, points: FloatArray, values: FloatArray) -> None:
+    def __init__(self, box: doe.Box, points: FloatArray, values: FloatArray) -> None:
         self.box, self.points, self.values = box, points, values
 
     @classmethod
-    def fit(cls, box: Box, points: Any, values: Any, *, scale: Any = 1.0) -> "Nearest":
+    def fit(cls, box: doe.Box, points: Any, values: Any, *, scale: Any = 1.0) -> "Nearest":
         return cls(box, *checked_runs(box, points, values))
 
     def predict(self, points: Any, *, extrapolate: bool = False) -> FloatArray:
@@ -224,7 +217,7 @@ class Nearest:
 
 
 def test_a_made_up_surrogate_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(SURROGATES, "nearest", Nearest)
+    monkeypatch.setitem(doe.SURROGATES, "nearest", Nearest)
     test_battery("nearest")
 
 
@@ -382,7 +375,7 @@ def test_bad_kernels_are_refused(arguments: tuple, message: str) -> None:
         Kernel(*arguments)
 
 
-QUADRATIC_BOX = Box(("m", "f", "beta"), (0.9, 0.1, 1e-6), (1.3, 0.5, 1e-4), (False, False, True))
+QUADRATIC_BOX = doe.Box(("m", "f", "beta"), (0.9, 0.1, 1e-6), (1.3, 0.5, 1e-4), (False, False, True))
 
 
 def quadratic(points: np.ndarray) -> np.ndarray:
@@ -393,9 +386,9 @@ def quadratic(points: np.ndarray) -> np.ndarray:
 
 
 def test_a_quadratic_is_found_exactly() -> None:
-    points = sobol(QUADRATIC_BOX, 16, rng=0).points
+    points = doe.sobol(QUADRATIC_BOX, 16, rng=0).points
     surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, quadratic(points))
-    other = sobol(QUADRATIC_BOX, 32, rng=1).points
+    other = doe.sobol(QUADRATIC_BOX, 32, rng=1).points
     # Round-off of a well-conditioned solve.
     np.testing.assert_allclose(surrogate.predict(other), quadratic(other), rtol=1e-11, atol=1e-14)
     assert surrogate.degrees_of_freedom == 6
@@ -409,7 +402,7 @@ def test_roughness_is_the_scatter_of_single_runs() -> None:
     found = []
     for seed in range(200):
         rng = np.random.default_rng(seed)
-        points = latin_hypercube(QUADRATIC_BOX, 25, rng=rng).points
+        points = doe.latin_hypercube(QUADRATIC_BOX, 25, rng=rng).points
         values = quadratic(points) + noise * rng.standard_normal((25, 2))
         found.append(QuadraticSurrogate.fit(QUADRATIC_BOX, points, values).roughness(gain))
     # Each has 15 degrees of freedom: a variance of 200 of them scatters by sqrt(2 / 3000) = 2.6 %; 4 sigma.
@@ -418,7 +411,7 @@ def test_roughness_is_the_scatter_of_single_runs() -> None:
 
 def test_averaging_flattens_what_an_interpolant_follows() -> None:
     rng = np.random.default_rng(3)
-    points = latin_hypercube(QUADRATIC_BOX, 40, rng=rng).points
+    points = doe.latin_hypercube(QUADRATIC_BOX, 40, rng=rng).points
     values = quadratic(points) + 0.1 * rng.standard_normal((40, 2))
     surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, values)
     error = surrogate.predict(points)[:, 0] - quadratic(points)[:, 0]
@@ -428,7 +421,7 @@ def test_averaging_flattens_what_an_interpolant_follows() -> None:
 
 def test_leave_one_out_is_the_refit() -> None:
     rng = np.random.default_rng(1)
-    points = latin_hypercube(QUADRATIC_BOX, 18, rng=rng).points
+    points = doe.latin_hypercube(QUADRATIC_BOX, 18, rng=rng).points
     values = quadratic(points) + 0.1 * rng.standard_normal((18, 2))
     surrogate = QuadraticSurrogate.fit(QUADRATIC_BOX, points, values)
     for left in (0, 7):
@@ -439,7 +432,7 @@ def test_leave_one_out_is_the_refit() -> None:
 
 
 def test_what_does_not_determine_it_is_refused() -> None:
-    points = sobol(QUADRATIC_BOX, 32, rng=0).points.copy()
+    points = doe.sobol(QUADRATIC_BOX, 32, rng=0).points.copy()
     with pytest.raises(
         SurrogateError, match=r"has 10 terms and takes at least 11 runs, better 25; there are 8"
     ):
@@ -451,7 +444,7 @@ def test_what_does_not_determine_it_is_refused() -> None:
 
 def test_roughness_of_four_runs_by_hand() -> None:
     # A parabola through four evenly spaced values leaves their third difference, (-1, 3, -3, 1) / sqrt(20).
-    box = Box(("m",), (0.0,), (3.0,))
+    box = doe.Box(("m",), (0.0,), (3.0,))
     contrast = np.array([-1.0, 3.0, -3.0, 1.0]) / np.sqrt(20.0)
     values = (2.0 + np.arange(4.0) ** 2 + 0.6 * contrast)[:, None]
     surrogate = QuadraticSurrogate.fit(box, np.arange(4.0)[:, None], values)

@@ -1,5 +1,4 @@
-"""Every solid: stress and tangent compared with differences of its energy, energy compared with NumPy,
-dP/dp."""
+"""Every solid: stress, tangent and dP/dp against differences of its energy, energy against NumPy."""
 
 from dataclasses import replace
 from math import factorial

@@ -1,7 +1,4 @@
-"""One element and one small specimen against closed forms: forces, energies, the stable step, Newton's law.
-
-These tests are quick. The verification manual tests the convergence of whole runs.
-"""
+"""One element and one specimen against closed forms: forces, energies, stable step, Newton's law."""
 
 from collections.abc import Callable
 from functools import cache
@@ -11,17 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from explicit import (
-    CharacteristicBar,
-    Model,
-    PlatenMotion,
-    Response,
-    Samples,
-    Sampling,
-    Stepping,
-    cylinder,
-    run,
-)
+import explicit
 from explicit.arguments import batch_of, body_of, nodal_mass
 from explicit.bars import Section, elastic_bar, pulse_on_bars, pulse_on_mesh
 from explicit.bars.elastic import mean_about
@@ -39,14 +26,14 @@ ELEMENTS = pytest.mark.parametrize("element", ["one_point", "fbar"])
 DAMPING = 2.5e-5
 
 
-def still() -> PlatenMotion:
-    return PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
+def still() -> explicit.PlatenMotion:
+    return explicit.PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
 
 
 @cache
 def block() -> Mesh:
     """Four rectangles a x b of the section; the first lies on the axis."""
-    return cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2)
+    return explicit.cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2)
 
 
 A, B = 0.5 * RADIUS, 0.5 * LENGTH
@@ -58,12 +45,12 @@ def evaluator(element: str) -> Callable[..., np.ndarray]:
     """A function of displacements and velocities [r, y] of an element's corners, shape [2, 4]: forces (8),
     omega^2, elastic and hourglass energy, power of the damping."""
     where, numbers = select_device("cpu"), PRECISIONS["fp64"]
-    model = Model(block(), DENSITY, (LAW,), (still(),), element=element)
+    model = explicit.Model(block(), DENSITY, (LAW,), (still(),), element=element)
     loop = time_loop_kernel(type(LAW), model.faces, model.side, numbers, element)
     body = body_of(loop, model, numbers, where)
-    samples = Samples.of(poisson=POISSON, damping=DAMPING)
-    once = Sampling(np.zeros(1), np.zeros(1))
-    batch = batch_of(loop, model, samples, once, Stepping(), numbers, where)
+    samples = explicit.Samples.of(poisson=POISSON, damping=DAMPING)
+    once = explicit.Sampling(np.zeros(1), np.zeros(1))
+    batch = batch_of(loop, model, samples, once, explicit.Stepping(), numbers, where)
     read_shape, forces, energies = loop.element.read_shape, loop.element.forces, loop.element.energies
     Body, Batch, vec4 = loop.structs.Body, loop.structs.Batch, numbers.vec4
 
@@ -120,7 +107,7 @@ def test_hourglass_energy_is_its_share_of_what_one_point_misses() -> None:
     delta = 1e-4
     pattern = np.array([[0.0] * 4, [delta, -delta, delta, -delta]])
     missed = 4.0 / 3.0 * (A**-2 + B**-2) * VOLUME * delta**2
-    share = Model(block(), DENSITY, (LAW,), (still(),)).hourglass
+    share = explicit.Model(block(), DENSITY, (LAW,), (still(),)).hourglass
     assert evaluator("one_point")(pattern, REST)[10] == pytest.approx(0.5 * share * 25e3 * missed, rel=1e-12)
     assert evaluator("fbar")(pattern, REST)[10] == 0.0
 
@@ -162,16 +149,19 @@ def test_the_step_bound_is_just_above_the_largest_frequency(element: str) -> Non
     assert 1.0 <= damped / largest < 1.5  # the damping's part included
     # A specimen at rest takes the step 2 / omega of its stiffest element, less the margin.
     stiffest = max(of(REST, REST, e)[8] for e in range(4))
-    model = Model(mesh, DENSITY, (LAW,), (still(),), element=element)
-    samples = Samples.of(poisson=POISSON, damping=DAMPING)
-    response = run(
-        model, samples, Sampling(np.array([2e-5]), np.array([2e-5])), stepping=Stepping(safety=0.8)
+    model = explicit.Model(mesh, DENSITY, (LAW,), (still(),), element=element)
+    samples = explicit.Samples.of(poisson=POISSON, damping=DAMPING)
+    response = explicit.run(
+        model,
+        samples,
+        explicit.Sampling(np.array([2e-5]), np.array([2e-5])),
+        stepping=explicit.Stepping(safety=0.8),
     )
     assert response.smallest_step[0] == pytest.approx(0.8 * 2.0 / np.sqrt(stiffest), rel=1e-12)
 
 
 def test_lumped_masses_have_the_mass_and_its_centre() -> None:
-    mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5, grading=2.0)
+    mesh = explicit.cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5, grading=2.0)
     mass = nodal_mass(mesh, DENSITY)
     whole = DENSITY * np.pi * RADIUS**2 * LENGTH
     assert mass.sum() == pytest.approx(whole, rel=1e-13)
@@ -187,23 +177,23 @@ TIMES = np.linspace(0.0, 3e-4, 301)[1:]
 
 
 @cache
-def pressed(element: str, contact: str = "coulomb") -> Response:
+def pressed(element: str, contact: str = "coulomb") -> explicit.Response:
     """A disc pressed with everything on: damping of both kinds, friction, a bar with its echoes."""
     path = {"start": 0.0, "end": TIMES[-1]}
     speed = 3.0
-    motion = PlatenMotion.sampled(
+    motion = explicit.PlatenMotion.sampled(
         lambda t: speed * t**2 / TIMES[-1], lambda t: 2.0 * speed * t / TIMES[-1], n_knots=65, **path
     )
-    model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5), DENSITY, (LAW,), (motion,),
+    model = explicit.Model(
+        explicit.cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5), DENSITY, (LAW,), (motion,),
         element=element, faces=contact, side=contact, support=BAR,
     )  # fmt: skip
-    samples = Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=300.0, friction=0.2)
-    sampling = Sampling(TIMES, TIMES, all_nodes=True)
-    return run(model, samples, sampling, stepping=Stepping(largest_step=2e-7))
+    samples = explicit.Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=300.0, friction=0.2)
+    sampling = explicit.Sampling(TIMES, TIMES, all_nodes=True)
+    return explicit.run(model, samples, sampling, stepping=explicit.Stepping(largest_step=2e-7))
 
 
-BAR = CharacteristicBar(300.0, 7e-5)
+BAR = explicit.CharacteristicBar(300.0, 7e-5)
 """Light, and short enough that its far end answers three times within the window."""
 
 
@@ -227,7 +217,7 @@ def test_every_term_of_the_ledger_is_there_and_impulses_are_integrals(element: s
 def test_newtons_law_of_the_whole_specimen() -> None:
     # Mass-proportional damping pulls with alpha M v; the platens with their forces.
     found, whole = pressed("one_point"), DENSITY * np.pi * RADIUS**2 * LENGTH
-    mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
+    mesh = explicit.cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
     y = found.nodes[0, :, :, 1] @ nodal_mass(mesh, DENSITY) / whole
     momentum = whole * np.gradient(y, TIMES)
     given = found.impulse_transmission[0] - found.impulse_flyer[0] - 300.0 * whole * (y - 0.5 * LENGTH)
@@ -240,7 +230,7 @@ def test_a_free_bar_answers_with_every_reflection() -> None:
     # v(t) = F(t) / Z + 2 sum F(t - k T) / Z: a rod whose far end is free.
     found = pressed("one_point", "bonded")  # which never leaves the bar
     assert found.nodes is not None
-    mesh = cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
+    mesh = explicit.cylinder(RADIUS, LENGTH, n_radial=4, n_axial=5)
     place = found.nodes[0, :, int(mesh.lower_face[0]), 1]
     force, impulse = found.force_transmission[0], found.impulse_transmission[0]
     moved = impulse.copy()

@@ -1,5 +1,4 @@
-"""Comparison of a CUDA device, if there is one, with the CPU: state on the chip and off it, ledgers,
-failures."""
+"""A CUDA device, if there is one, compared with the CPU: state on the chip and off it, ledgers, failures."""
 
 import gc
 from dataclasses import dataclass, fields, replace
@@ -25,16 +24,8 @@ from explicit import (
 from explicit.arguments import body_of, fits_on_several, node_order
 from explicit.device import select_device
 from explicit.drivers import STEP, Pool
+from explicit.layout import state
 from explicit.layout.lanes import BLOCK, CLUSTERS, SPREAD, cluster_for, supports_chip_memory
-from explicit.layout.state import (
-    BLOCK_DISTANCE,
-    BOUNDARY,
-    ON_CHIP_ELEMENTS,
-    fits_on_chips,
-    numbers_between_blocks,
-    spread_corners,
-    spread_nodes,
-)
 from explicit.layout.structs import GROUP
 from explicit.materials import LAWS, MarlowLaw, MaterialLaw, neo_hookean
 from explicit.precision import PRECISIONS, Precision
@@ -72,7 +63,7 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_the_meshes_are_what_they_are_for() -> None:
     few, full, many, most = (across * along for across, along in MESHES)
-    assert few < BLOCK - 32 == full < ON_CHIP_ELEMENTS < many < CLUSTERS[-1] * (BLOCK - 32) < most
+    assert few < BLOCK - 32 == full < state.ON_CHIP_ELEMENTS < many < CLUSTERS[-1] * (BLOCK - 32) < most
 
 
 @pytest.mark.parametrize("mesh", MESHES, ids=str)
@@ -353,7 +344,7 @@ def entries(groups: np.ndarray, constants: int) -> np.ndarray:
 
 def parted(numbers: Precision, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Block and place in its shared memory."""
-    return place // numbers_between_blocks(numbers), place % numbers_between_blocks(numbers)
+    return place // state.numbers_between_blocks(numbers), place % state.numbers_between_blocks(numbers)
 
 
 @pytest.mark.parametrize("precision", list(PRECISIONS))
@@ -365,7 +356,7 @@ def test_every_force_is_gathered_once_by_the_node_it_acts_on(
     assert fits_on_several(mesh, blocks)
     body = body_of(kernel_of(blocks, numbers), model_of(mesh), numbers, select_device("cpu"), on_chip=True)
     order, n_inner, first_boundary = node_order(mesh)
-    place = spread_nodes(order, first_boundary, blocks, numbers)
+    place = state.spread_nodes(order, first_boundary, blocks, numbers)
     quads = entries(body.quads.numpy(), 4)[:, : mesh.n_elements]
     np.testing.assert_array_equal(quads, place[mesh.quads].T)
     # nodes have places of their own; the last block has the boundary, the others the interior
@@ -375,7 +366,7 @@ def test_every_force_is_gathered_once_by_the_node_it_acts_on(
     assert inside.max() < BLOCK
     # a corner's force lies in the block of its element, behind those of the corners before
     element, corner = np.divmod(np.arange(4 * mesh.n_elements), 4)
-    found = spread_corners(element, corner, numbers)
+    found = state.spread_corners(element, corner, numbers)
     assert len(np.unique(found)) == 4 * mesh.n_elements
     owner, slot = parted(numbers, found)
     np.testing.assert_array_equal(owner, element // BLOCK)
@@ -389,24 +380,26 @@ def test_every_force_is_gathered_once_by_the_node_it_acts_on(
                 assert acts_on[c] == n
                 gathered.append(c)
             else:  # what holds zero, in the node's own block
-                assert (c // numbers_between_blocks(numbers), c % numbers_between_blocks(numbers)) == (
-                    block[n],
-                    4 * BLOCK,
-                )
+                assert (
+                    c // state.numbers_between_blocks(numbers),
+                    c % state.numbers_between_blocks(numbers),
+                ) == (block[n], 4 * BLOCK)
     assert sorted(gathered) == sorted(acts_on)
 
 
 def test_numbers_are_bytes_apart() -> None:
     for numbers in PRECISIONS.values():
-        assert numbers_between_blocks(numbers) * numbers.dtype().itemsize == BLOCK_DISTANCE == 2**24
-        assert 16 * numbers_between_blocks(numbers) < 2**31  # sixteen blocks, by 32-bit integers
+        assert (
+            state.numbers_between_blocks(numbers) * numbers.dtype().itemsize == state.BLOCK_DISTANCE == 2**24
+        )
+        assert 16 * state.numbers_between_blocks(numbers) < 2**31  # sixteen blocks, by 32-bit integers
 
 
 def test_what_fits() -> None:
     full = 3 * BLOCK
-    assert fits_on_chips(full, full, BOUNDARY, 4)
-    assert not fits_on_chips(full + 1, full, BOUNDARY, 4)
-    assert not fits_on_chips(full, full + 1, BOUNDARY, 4)
-    assert not fits_on_chips(full, full, BOUNDARY + 1, 4)
+    assert state.fits_on_chips(full, full, state.BOUNDARY, 4)
+    assert not state.fits_on_chips(full + 1, full, state.BOUNDARY, 4)
+    assert not state.fits_on_chips(full, full + 1, state.BOUNDARY, 4)
+    assert not state.fits_on_chips(full, full, state.BOUNDARY + 1, 4)
     assert fits_on_several(cylinder(1.0, 1.0, n_radial=64, n_axial=86), 16)
     assert not fits_on_several(cylinder(1.0, 1.0, n_radial=64, n_axial=86), 4)

@@ -9,31 +9,13 @@ import pytest
 import warp as wp
 from scipy.interpolate import CubicHermiteSpline
 
-from explicit import (
-    RIGID,
-    CharacteristicBar,
-    Mesh,
-    Model,
-    Outcome,
-    PlatenMotion,
-    Samples,
-    Sampling,
-    Stepping,
-    cylinder,
-    run,
-)
+import explicit
 from explicit.arguments import SPARE, batch_of, body_of, fits_on_chip, node_order, output_of
 from explicit.contact import contact_law
 from explicit.device import select_device
 from explicit.elements import element
+from explicit.layout import state
 from explicit.layout.lanes import WARPS
-from explicit.layout.state import (
-    ON_CHIP_BOUNDARY,
-    ON_CHIP_CONTROL,
-    ON_CHIP_ELEMENTS,
-    ON_CHIP_NODES,
-    on_chip_elements,
-)
 from explicit.layout.structs import CONTROL_SIZE, GROUP, Total
 from explicit.materials import MarlowLaw, bulk_modulus, law_class, neo_hookean
 from explicit.mesh import element_geometry
@@ -42,34 +24,34 @@ from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 from explicit.time_loop.node_sweeps import VALENCE, boundary_functions
 
 
-def motion(start: float = 0.0, n_knots: int = 5) -> PlatenMotion:
-    return PlatenMotion.sampled(
+def motion(start: float = 0.0, n_knots: int = 5) -> explicit.PlatenMotion:
+    return explicit.PlatenMotion.sampled(
         lambda t: 1e-4 * (t - start), lambda t: np.full_like(t, 1e-4), start=start, end=start + 1.0,
         n_knots=n_knots,
     )  # fmt: skip
 
 
-def model(**change: Any) -> Model:
+def model(**change: Any) -> explicit.Model:
     values: dict[str, Any] = {
-        "mesh": cylinder(1e-3, 1e-3, n_radial=2, n_axial=2),
+        "mesh": explicit.cylinder(1e-3, 1e-3, n_radial=2, n_axial=2),
         "density": 1000.0,
         "materials": (neo_hookean(1e4),),
         "motions": (motion(),),
     }
-    return Model(**(values | change))
+    return explicit.Model(**(values | change))
 
 
 class OtherLaw(MarlowLaw):
     """A second class of law."""
 
 
-def body(radius: float = 1e-3, length: float = 2e-3, **change: Any) -> Mesh:
-    return cylinder(radius, length, **({"n_radial": 2, "n_axial": 3, "grading": 1.0} | change))
+def body(radius: float = 1e-3, length: float = 2e-3, **change: Any) -> explicit.Mesh:
+    return explicit.cylinder(radius, length, **({"n_radial": 2, "n_axial": 3, "grading": 1.0} | change))
 
 
-def platen(**change: Any) -> PlatenMotion:
+def platen(**change: Any) -> explicit.PlatenMotion:
     good = {"start": 0.0, "step": 0.5, "position": np.array([0.0, 1.0, 2.0]), "velocity": np.ones(3)}
-    return PlatenMotion(**(good | change))
+    return explicit.PlatenMotion(**(good | change))
 
 
 REFUSED: dict[Callable[..., Any], list[tuple[dict[str, Any], str]]] = {
@@ -101,7 +83,7 @@ REFUSED: dict[Callable[..., Any], list[tuple[dict[str, Any], str]]] = {
         ({"faces": "sticky"}, r"contact law must be one of \['bonded', .*\], got 'sticky'"),
         ({"side": "none"}, r"contact law must be one of .*, got 'none'"),
     ],
-    Samples.of: [
+    explicit.Samples.of: [
         ({"stiffness_factor": 0.0}, "stiffness_factor must be > 0, got 0.0"),
         ({"stiffness_factor": [1.0, -0.5]}, "stiffness_factor must be > 0, got -0.5"),
         ({"damping": -1e-5}, "damping must be >= 0 s, got -1e-05"),
@@ -116,7 +98,7 @@ REFUSED: dict[Callable[..., Any], list[tuple[dict[str, Any], str]]] = {
         ({"contact_stiffness": 0.0}, "contact_stiffness must be > 0 Pa/m, got 0.0"),
         ({"contact_stiffness": float("inf")}, "contact_stiffness must be finite, got inf"),
     ],
-    Stepping: [
+    explicit.Stepping: [
         ({"safety": 0.0}, r"safety must be in \(0, 1\], got 0.0"),
         ({"safety": 1.1}, r"safety must be in \(0, 1\], got 1.1"),
         ({"safety": float("nan")}, r"safety must be in \(0, 1\], got nan"),
@@ -154,7 +136,7 @@ def test_impossible_inputs_are_refused(
 
 
 def test_a_cylinder_has_the_volume_and_the_node_sets_of_a_cylinder() -> None:
-    mesh = cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
+    mesh = explicit.cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
     assert (mesh.n_nodes, mesh.n_elements) == (4 * 6, 3 * 5)
     assert mesh.length == pytest.approx(3e-3, rel=1e-15)
     np.testing.assert_allclose(mesh.nodes[mesh.lower_face, 1], 0.0, atol=0)
@@ -169,7 +151,7 @@ def test_a_cylinder_has_the_volume_and_the_node_sets_of_a_cylinder() -> None:
 
 
 def test_contact_areas_add_up_to_the_faces_and_the_side_between_their_corners() -> None:
-    mesh = cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
+    mesh = explicit.cylinder(2e-3, 3e-3, n_radial=3, n_axial=5, grading=2.0)
     area = mesh.contact_area
     for face in (mesh.lower_face, mesh.upper_face):
         assert area[face].sum() == pytest.approx(np.pi * 4e-6, rel=1e-14)
@@ -184,7 +166,7 @@ def test_contact_areas_add_up_to_the_faces_and_the_side_between_their_corners() 
 
 
 def test_grading_is_the_ratio_of_the_largest_to_the_smallest_element() -> None:
-    mesh = cylinder(1.0, 1.0, n_radial=6, n_axial=7, grading=3.0)
+    mesh = explicit.cylinder(1.0, 1.0, n_radial=6, n_axial=7, grading=3.0)
     r = np.diff(mesh.nodes[mesh.lower_face, 0])
     y = np.diff(mesh.nodes[mesh.side, 1])
     assert r[0] / r[-1] == pytest.approx(3.0, rel=1e-12)
@@ -193,7 +175,7 @@ def test_grading_is_the_ratio_of_the_largest_to_the_smallest_element() -> None:
 
 
 def test_corners_of_a_node_are_all_its_corners_in_ascending_order() -> None:
-    mesh = cylinder(1.0, 1.0, n_radial=3, n_axial=2)
+    mesh = explicit.cylinder(1.0, 1.0, n_radial=3, n_axial=2)
     start, corner = mesh.corners_of_node
     for node in range(mesh.n_nodes):
         mine = corner[start[node] : start[node + 1]]
@@ -201,10 +183,10 @@ def test_corners_of_a_node_are_all_its_corners_in_ascending_order() -> None:
 
 
 def test_a_clockwise_element_is_named() -> None:
-    good = cylinder(1e-3, 1e-3, n_radial=2, n_axial=2)
+    good = explicit.cylinder(1e-3, 1e-3, n_radial=2, n_axial=2)
     quads = good.quads.copy()
     quads[3] = quads[3, ::-1]
-    bad = Mesh(good.nodes, quads, good.lower_face, good.upper_face, good.side)
+    bad = explicit.Mesh(good.nodes, quads, good.lower_face, good.upper_face, good.side)
     with pytest.raises(
         ValueError, match=r"element 3 has Jacobian .* <= 0: number its corners counter-clockwise"
     ):
@@ -214,14 +196,14 @@ def test_a_clockwise_element_is_named() -> None:
 def test_a_model_starts_when_its_motions_do_and_stands_rigid() -> None:
     found = model(motions=(motion(start=0.25), motion(start=0.25)))
     assert found.start == 0.25
-    assert found.support is RIGID
-    assert (RIGID.impedance, RIGID.round_trip) == (float("inf"), float("inf"))
+    assert found.support is explicit.RIGID
+    assert (explicit.RIGID.impedance, explicit.RIGID.round_trip) == (float("inf"), float("inf"))
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan")])
 @pytest.mark.parametrize("name", ["impedance", "round_trip"])
 def test_a_bar_needs_positive_numbers(name: str, wrong: float) -> None:
-    good = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
+    good = explicit.CharacteristicBar(impedance=6910.0, round_trip=617e-6)
     with pytest.raises(ValueError, match=f"{name} must be > 0 .*, got {wrong}"):
         replace(good, **{name: wrong})
 
@@ -230,17 +212,19 @@ def test_a_bar_needs_positive_numbers(name: str, wrong: float) -> None:
 
 
 def test_samples_broadcast_scalars_to_the_longest_parameter() -> None:
-    samples = Samples.of(stiffness_factor=np.array([0.9, 1.0, 1.1]), friction=0.3, motion=np.array([0, 1, 0]))
+    samples = explicit.Samples.of(
+        stiffness_factor=np.array([0.9, 1.0, 1.1]), friction=0.3, motion=np.array([0, 1, 0])
+    )
     assert len(samples) == 3
     np.testing.assert_array_equal(samples.friction, [0.3, 0.3, 0.3])
     np.testing.assert_array_equal(samples.motion, [0, 1, 0])
-    assert len(Samples.of(material=np.array([0, 1]))) == 2
+    assert len(explicit.Samples.of(material=np.array([0, 1]))) == 2
 
 
 def test_samples_of_different_lengths_are_refused() -> None:
     with pytest.raises(ValueError, match="shape mismatch"):
-        Samples.of(stiffness_factor=np.ones(3), friction=np.ones(2))
-    three = Samples.of(stiffness_factor=np.ones(3))
+        explicit.Samples.of(stiffness_factor=np.ones(3), friction=np.ones(2))
+    three = explicit.Samples.of(stiffness_factor=np.ones(3))
     with pytest.raises(ValueError, match="one value per sample"):
         replace(three, friction=np.zeros(2))
 
@@ -260,11 +244,11 @@ def test_bulk_modulus_is_that_of_linear_elasticity() -> None:
 def test_times_must_ascend_and_be_finite(name: str, times: list[float]) -> None:
     good = {"force_times": np.array([0.1]), "surface_times": np.array([0.1])}
     with pytest.raises(ValueError, match=f"{name} must be finite and strictly ascending"):
-        Sampling(**(good | {name: np.array(times)}))
+        explicit.Sampling(**(good | {name: np.array(times)}))
 
 
 def test_sampling_ends_with_its_last_time() -> None:
-    assert Sampling(np.array([0.1, 0.4]), np.array([0.2])).end == 0.4
+    assert explicit.Sampling(np.array([0.1, 0.4]), np.array([0.2])).end == 0.4
 
 
 # Motion ------------------------------------------------------------------------------------------------
@@ -277,13 +261,13 @@ def test_a_motion_is_exact_for_a_cubic_and_goes_on_at_its_last_velocity() -> Non
     def speed(t: Any) -> Any:
         return 2.0 + 6.0 * t - 3.0 * t**2
 
-    found = PlatenMotion.sampled(place, speed, start=0.0, end=1.0, n_knots=4)
+    found = explicit.PlatenMotion.sampled(place, speed, start=0.0, end=1.0, n_knots=4)
     times = np.linspace(0.0, 1.0, 31)
     np.testing.assert_allclose(found(times), place(times), atol=1e-14)  # Hermite cubics contain it
     late = np.array([1.0, 1.5, 3.0])
     np.testing.assert_allclose(found(late), place(1.0) + speed(1.0) * (late - 1.0), rtol=1e-13)
     assert found.end == pytest.approx(1.0, rel=1e-15)
-    found = PlatenMotion.sampled(lambda t: 5.0 + t, lambda t: np.ones_like(t), start=2.0, end=3.0)
+    found = explicit.PlatenMotion.sampled(lambda t: 5.0 + t, lambda t: np.ones_like(t), start=2.0, end=3.0)
     assert found.position[0] == 0.0
     assert found(np.array([2.5]))[0] == pytest.approx(0.5, rel=1e-13)
 
@@ -293,7 +277,7 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
     rng = np.random.default_rng(n_knots)
     position, velocity = rng.uniform(0.0, 5e-3, n_knots), rng.uniform(-3.0, 3.0, n_knots)
     position[0] = 0.0
-    found = PlatenMotion(start=2e-4, step=1e-3, position=position, velocity=velocity)
+    found = explicit.PlatenMotion(start=2e-4, step=1e-3, position=position, velocity=velocity)
     knots = 2e-4 + 1e-3 * np.arange(n_knots)
     spline = CubicHermiteSpline(knots, position, velocity)
     expected = spline.c[::-1].T * 1e-3 ** np.arange(4)  # SciPy has the highest power first
@@ -317,10 +301,10 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
     def evaluate(batch: Batch, at: wp.array(dtype=wp.float64), there: wp.array(dtype=wp.float64)):
         there[wp.tid()] = position_at(batch, 0, at[wp.tid()])
 
-    where, samples = select_device("cpu"), Samples.of()
+    where, samples = select_device("cpu"), explicit.Samples.of()
     mine = model(motions=(found,))
-    sampling = Sampling(times, times)
-    batch = batch_of(kernel, mine, samples, sampling, Stepping(), precision("fp64"), where)
+    sampling = explicit.Sampling(times, times)
+    batch = batch_of(kernel, mine, samples, sampling, explicit.Stepping(), precision("fp64"), where)
     every = np.concatenate([times, late])
     there = wp.zeros(len(every), dtype=wp.float64, device=where)
     wp.launch(
@@ -335,13 +319,13 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
 @pytest.mark.parametrize(
     ("prepare", "message"),
     [
-        (lambda: run(model(motions=(motion(start=1.0),)), Samples.of(), _early()),
+        (lambda: explicit.run(model(motions=(motion(start=1.0),)), explicit.Samples.of(), _early()),
          "requested time 0.5 s is before the model's start 1 s"),
-        (lambda: run(model(), Samples.of(material=1), _early()),
+        (lambda: explicit.run(model(), explicit.Samples.of(material=1), _early()),
          "a sample names material 1, the model has 0 to 0"),
-        (lambda: run(model(), Samples.of(motion=3), _early()),
+        (lambda: explicit.run(model(), explicit.Samples.of(motion=3), _early()),
          "a sample names motion 3, the model has 0 to 0"),
-        (lambda: run(model(motions=(motion(), motion(n_knots=9))), Samples.of(), _early()),
+        (lambda: explicit.run(model(motions=(motion(), motion(n_knots=9))), explicit.Samples.of(), _early()),
          "the motions of a model need equally many knots"),
         (lambda: select_device("cuda:99"), r"device must be one of \['cpu'.*\], got 'cuda:99'"),
         (lambda: precision("fp16"), r"precision must be one of \['fp32', 'fp64'\], got 'fp16'"),
@@ -357,41 +341,44 @@ def test_runs_that_cannot_be_are_refused(prepare: Callable[[], Any], message: st
         prepare()
 
 
-def _early() -> Sampling:
-    return Sampling(np.array([0.5]), np.array([0.5]))
+def _early() -> explicit.Sampling:
+    return explicit.Sampling(np.array([0.5]), np.array([0.5]))
 
 
 def test_every_outcome_has_a_cause_and_a_cure() -> None:
-    for outcome in Outcome:
+    for outcome in explicit.Outcome:
         assert outcome.cause
         assert outcome.cure
-        assert outcome.ok == (outcome is Outcome.COMPLETED)
+        assert outcome.ok == (outcome is explicit.Outcome.COMPLETED)
 
 
 DENSITY = 870.0
 SIZES = [(2, 2), (4, 6), (9, 7), (16, 22), (33, 9)]
 
 
-def shuffled(n_radial: int, n_axial: int) -> Mesh:
+def shuffled(n_radial: int, n_axial: int) -> explicit.Mesh:
     """A cylinder whose nodes and elements are numbered at random."""
-    mesh, rng = cylinder(4.75e-3, 6.5e-3, n_radial=n_radial, n_axial=n_axial), np.random.default_rng(7)
+    mesh, rng = (
+        explicit.cylinder(4.75e-3, 6.5e-3, n_radial=n_radial, n_axial=n_axial),
+        np.random.default_rng(7),
+    )
     new, elements = rng.permutation(mesh.n_nodes), rng.permutation(mesh.n_elements)
-    return Mesh(
+    return explicit.Mesh(
         nodes=mesh.nodes[np.argsort(new)], quads=new[mesh.quads][elements], lower_face=new[mesh.lower_face],
         upper_face=new[mesh.upper_face], side=new[mesh.side],
     )  # fmt: skip
 
 
-def model_of(mesh: Mesh) -> Model:
-    motion = PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
-    return Model(mesh, DENSITY, (neo_hookean(27e3),), (motion,))
+def model_of(mesh: explicit.Mesh) -> explicit.Model:
+    motion = explicit.PlatenMotion(start=0.0, step=1.0, position=np.zeros(2), velocity=np.zeros(2))
+    return explicit.Model(mesh, DENSITY, (neo_hookean(27e3),), (motion,))
 
 
-def kernel_of(model: Model) -> TimeLoopKernel:
+def kernel_of(model: explicit.Model) -> TimeLoopKernel:
     return time_loop_kernel(MarlowLaw, model.faces, model.side, PRECISIONS["fp64"], model.element)
 
 
-def surface_of(mesh: Mesh) -> set[int]:
+def surface_of(mesh: explicit.Mesh) -> set[int]:
     return set(mesh.lower_face) | set(mesh.upper_face) | set(mesh.side)
 
 
@@ -440,7 +427,7 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
     np.testing.assert_array_equal(body.reference_r.numpy()[place], mesh.nodes[:, 0])
     np.testing.assert_array_equal(body.reference_y.numpy()[place], mesh.nodes[:, 1])
     # every corner force is gathered once, by the node it acts on; what is left over reads zeros behind them
-    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
+    slots = state.on_chip_elements(numbers) if on_chip else mesh.n_elements
     corners = entries(body.corners.numpy(), VALENCE)
     gathered = [(c, n) for n in range(mesh.n_nodes) for c in corners[:, place[n]] if c < 4 * slots]
     assert len(gathered) == len(set(gathered)) == 4 * mesh.n_elements
@@ -453,7 +440,7 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
 def test_what_is_recorded_is_named_by_place() -> None:
     mesh, where = shuffled(4, 6), select_device("cpu")
     model, times = model_of(mesh), np.array([0.0, 1.0])
-    output, _ = output_of(kernel_of(model), mesh, 3, Sampling(times, times), mesh.side, where)
+    output, _ = output_of(kernel_of(model), mesh, 3, explicit.Sampling(times, times), mesh.side, where)
     assert output.n_recorded == len(mesh.side)
     np.testing.assert_array_equal(output.nodes.numpy()[: len(mesh.side)], node_order(mesh)[0][mesh.side])
     assert output.position.shape == (3, 2, len(mesh.side), 2)
@@ -475,7 +462,7 @@ def test_a_body_is_made_once_for_a_mesh_and_what_is_made_of_it() -> None:
     assert body_of(kernel, replace(model, mesh=replace(mesh)), numbers, where) is not first
 
 
-def fan(n: int) -> Mesh:
+def fan(n: int) -> explicit.Mesh:
     """Elements around a node away from the axis: kites between its neighbours and a ring of corners."""
     angle = np.linspace(0.0, 2.0 * np.pi, 2 * n, endpoint=False)
     ring = np.column_stack([2.0 + np.cos(angle), np.sin(angle)])
@@ -483,7 +470,7 @@ def fan(n: int) -> Mesh:
     quads = [[0, 1 + 2 * k, 2 + 2 * k, 1 + (2 * k + 2) % (2 * n)] for k in range(n)]
     low, high = int(nodes[:, 1].argmin()), int(nodes[:, 1].argmax())
     side = np.array([low, int(nodes[:, 0].argmax()), high])
-    return Mesh(nodes, np.array(quads), np.array([low]), np.array([high]), side)
+    return explicit.Mesh(nodes, np.array(quads), np.array([low]), np.array([high]), side)
 
 
 def test_a_node_where_five_elements_meet_is_refused() -> None:
@@ -496,17 +483,17 @@ def test_a_node_where_five_elements_meet_is_refused() -> None:
 
 def test_what_fits_on_a_chip_has_room_there() -> None:
     fp64, fp32 = PRECISIONS["fp64"], PRECISIONS["fp32"]
-    usual, finer = (cylinder(1.0, 1.0, n_radial=r, n_axial=a) for r, a in ((16, 22), (24, 32)))
+    usual, finer = (explicit.cylinder(1.0, 1.0, n_radial=r, n_axial=a) for r, a in ((16, 22), (24, 32)))
     assert fits_on_chip(usual, fp64)
     assert fits_on_chip(usual, fp32)
     assert not fits_on_chip(finer, fp64)  # as docs/speed.md says
     assert fits_on_chip(finer, fp32)
-    assert usual.n_elements <= ON_CHIP_ELEMENTS < finer.n_elements
-    thin = cylinder(1.0, 1.0, n_radial=2, n_axial=100)
-    assert thin.n_elements <= ON_CHIP_ELEMENTS
-    assert len(surface_of(thin)) > ON_CHIP_BOUNDARY
+    assert usual.n_elements <= state.ON_CHIP_ELEMENTS < finer.n_elements
+    thin = explicit.cylinder(1.0, 1.0, n_radial=2, n_axial=100)
+    assert thin.n_elements <= state.ON_CHIP_ELEMENTS
+    assert len(surface_of(thin)) > state.ON_CHIP_BOUNDARY
     assert not fits_on_chip(thin, fp64)
-    assert CONTROL_SIZE + Total.COUNT * WARPS <= ON_CHIP_CONTROL
-    fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
-    sums, marks = 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, ON_CHIP_BOUNDARY
+    assert CONTROL_SIZE + Total.COUNT * WARPS <= state.ON_CHIP_CONTROL
+    fields = 4 * state.ON_CHIP_NODES + 2 * (4 * state.ON_CHIP_ELEMENTS + 1)
+    sums, marks = 3 * state.ON_CHIP_BOUNDARY + state.ON_CHIP_CONTROL, state.ON_CHIP_BOUNDARY
     assert 8 * (fields + sums) + 4 * marks <= 48 * 1024  # what a block gets without a request

@@ -1,37 +1,25 @@
-"""Branches, loops, gathers and scatters on which the lanes disagree, compared with Warp for the same
-kernel."""
+"""Branches, loops, gathers and scatters on which the lanes disagree, compared with Warp."""
 
 # ruff: noqa: RUF046, UP018 -- in a Warp kernel `int(0)` declares a variable that a loop may change
 
 from functools import cache
 from typing import Any
 
+import lane_kernels
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import (
-    ELEMENTS,
-    MAPPINGS,
-    PRECISION,
-    UNTOUCHED,
-    N,
-    Results,
-    inputs,
-    lanes_of,
-    launched,
-    small_structs,
-)
 
 from explicit.precision import Precision
 from explicit.simd import Mapping
 
-BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
+BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in lane_kernels.PRECISION for m in lane_kernels.MAPPINGS]
 
 
 @cache
 def control_kernel(numbers: Precision) -> Any:
     """A case a slot. Products are never added here, so every mapping rounds as Warp does."""
-    structs = small_structs(numbers)
+    structs = lane_kernels.small_structs(numbers)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     real = numbers.real
     zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
@@ -146,8 +134,8 @@ def control_kernel(numbers: Precision) -> Any:
 
 
 @cache
-def results(numbers: Precision, mapping: Mapping | None) -> Results:
-    return launched(control_kernel(numbers), numbers, mapping)
+def results(numbers: Precision, mapping: Mapping | None) -> lane_kernels.Results:
+    return lane_kernels.launched(control_kernel(numbers), numbers, mapping)
 
 
 @pytest.mark.parametrize(("numbers", "mapping"), BOTH)
@@ -157,11 +145,11 @@ def test_every_lane_does_what_warp_does(numbers: Precision, mapping: Mapping) ->
     np.testing.assert_array_equal(got.values, warp.values)
 
 
-@pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
+@pytest.mark.parametrize("numbers", lane_kernels.PRECISION, ids=lambda p: p.name)
 def test_warp_does_what_python_does(numbers: Precision) -> None:
     """A guard of the reference: some of the cases in plain Python."""
-    got, d = results(numbers, None), inputs(numbers)
-    for i in range(N):
+    got, d = results(numbers, None), lane_kernels.inputs(numbers)
+    for i in range(lane_kernels.N):
         x, y, k = d.x[i], d.y[i], int(d.k[i])
         which = 2 if x < 0 and y < 0 else 1 if x < 0 else 3 if x < 1 else 0
         assert got.whole[i, 0] == which
@@ -171,38 +159,38 @@ def test_warp_does_what_python_does(numbers: Precision) -> None:
         assert got.whole[i, 6] == (12 % k if k != 0 and 12 // k > 3 else -1)
         assert got.values[i, 3] == max(x, y)
         assert got.values[i, 5] == d.rows[k, 0] - d.rows[k, 6] + d.rows[k, k + 1]
-        assert got.values[i, 12] == (numbers.dtype(k - 1) - y if k else UNTOUCHED)
+        assert got.values[i, 12] == (numbers.dtype(k - 1) - y if k else lane_kernels.UNTOUCHED)
         assert got.values[i, 14] == x + 1
-        places = np.flatnonzero(got.whole[i, 10:20] != UNTOUCHED)
+        places = np.flatnonzero(got.whole[i, 10:20] != lane_kernels.UNTOUCHED)
         assert places.tolist() == ([k] if x > y else [])
     # every branch has its lanes
     assert set(got.whole[:, 0]) == {0, 1, 2, 3}
     assert set(d.k) == {0, 1, 2, 3, 4}
 
 
-@pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
+@pytest.mark.parametrize("numbers", lane_kernels.PRECISION, ids=lambda p: p.name)
 def test_an_incomplete_pack_writes_its_own_simulations_alone(numbers: Precision) -> None:
-    lanes = lanes_of(numbers)
-    ends = N // lanes * lanes  # where the incomplete pack begins
-    got = launched(control_kernel(numbers), numbers, "simulation", skip=(ends,))
+    lanes = lane_kernels.lanes_of(numbers)
+    ends = lane_kernels.N // lanes * lanes  # where the incomplete pack begins
+    got = lane_kernels.launched(control_kernel(numbers), numbers, "simulation", skip=(ends,))
     whole = results(numbers, "simulation")
     np.testing.assert_array_equal(got.values[:ends], whole.values[:ends])
-    assert (got.values[ends:] == UNTOUCHED).all()
-    assert (got.whole[ends:] == UNTOUCHED).all()
+    assert (got.values[ends:] == lane_kernels.UNTOUCHED).all()
+    assert (got.whole[ends:] == lane_kernels.UNTOUCHED).all()
     if ends:
-        got = launched(control_kernel(numbers), numbers, "simulation", skip=(0,))
+        got = lane_kernels.launched(control_kernel(numbers), numbers, "simulation", skip=(0,))
         np.testing.assert_array_equal(got.values[ends:], whole.values[ends:])
-        assert (got.values[:ends] == UNTOUCHED).all()
+        assert (got.values[:ends] == lane_kernels.UNTOUCHED).all()
 
 
-@pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
+@pytest.mark.parametrize("numbers", lane_kernels.PRECISION, ids=lambda p: p.name)
 def test_what_a_lane_computes_does_not_depend_on_its_neighbours(numbers: Precision) -> None:
-    data = inputs(numbers)
+    data = lane_kernels.inputs(numbers)
     alone = results(numbers, "simulation")
-    poisoned = inputs(numbers)
+    poisoned = lane_kernels.inputs(numbers)
     poisoned.x[::2], poisoned.y[::2] = np.nan, np.inf
-    got = launched(control_kernel(numbers), numbers, "simulation", poisoned)
+    got = lane_kernels.launched(control_kernel(numbers), numbers, "simulation", poisoned)
     assert np.isfinite(data.x).all()
     np.testing.assert_array_equal(got.values[1::2], alone.values[1::2])
     np.testing.assert_array_equal(got.whole[1::2], alone.whole[1::2])
-    assert ELEMENTS > 7 * 4 + 2  # the gathers stay inside
+    assert lane_kernels.ELEMENTS > 7 * 4 + 2  # the gathers stay inside

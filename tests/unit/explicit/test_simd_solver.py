@@ -13,19 +13,7 @@ import warp as wp
 from shared_launches import LONG, FullSeats, launch_shared
 
 import explicit
-from explicit import (
-    CharacteristicBar,
-    Model,
-    MovingSupport,
-    Outcome,
-    PlatenMotion,
-    Samples,
-    Sampling,
-    Stepping,
-    cylinder,
-    drivers,
-    run,
-)
+from explicit import run
 from explicit.arguments import batch_of, body_of, output_of, state_of
 from explicit.device import select_device
 from explicit.drivers import LARGE_MESH, packs
@@ -44,7 +32,7 @@ CRUSHED, SPOILT = 3, 12
 """Simulations that end early: the flyer goes through the other platen; a stiffness is not a number."""
 GOOD = np.delete(np.arange(N), [CRUSHED, SPOILT])
 TIMES = np.linspace(0.0, END, 33)
-SAMPLING = Sampling(TIMES, TIMES[::4])
+SAMPLING = explicit.Sampling(TIMES, TIMES[::4])
 
 
 @dataclass(frozen=True)
@@ -92,9 +80,9 @@ EVERY = pytest.mark.parametrize(
 )
 
 
-def ramp(depth: float, late: float) -> PlatenMotion:
+def ramp(depth: float, late: float) -> explicit.PlatenMotion:
     """From rest to a depth, at a speed that rises over the first part of the window."""
-    return PlatenMotion.sampled(
+    return explicit.PlatenMotion.sampled(
         lambda t: depth * (np.maximum(t - late, 0.0) / END) ** 2,
         lambda t: 2.0 * depth * np.maximum(t - late, 0.0) / END**2, start=0.0, end=END, n_knots=65,
     )  # fmt: skip
@@ -102,17 +90,18 @@ def ramp(depth: float, late: float) -> PlatenMotion:
 
 def support_of(case: Case) -> Support:
     if case.moving:
-        return MovingSupport(tuple(ramp(-0.01 * LENGTH * i / N, 0.0) for i in range(N)))
+        return explicit.MovingSupport(tuple(ramp(-0.01 * LENGTH * i / N, 0.0) for i in range(N)))
     # The wave comes back four times within the window; the impedance is near the specimen's own.
-    return CharacteristicBar(8.0, END / 5) if case.bar else CharacteristicBar(1e300, 1e300)
+    return explicit.CharacteristicBar(8.0, END / 5) if case.bar else explicit.CharacteristicBar(1e300, 1e300)
 
 
-def model_of(case: Case) -> Model:
+def model_of(case: Case) -> explicit.Model:
     # A stiffening curve that ends at s = 0.5, so that some of the specimen is strained past its data.
     soft = neo_hookean(27e3, last=0.5)
     stiff = MarlowLaw(last=1.0, quotient=np.linspace(20e3, 60e3, 5), slope=np.full(5, 40e3))
-    return Model(
-        cylinder(RADIUS, LENGTH, n_radial=5, n_axial=8),  # 40 elements and 35 inner nodes: two groups of each
+    return explicit.Model(
+        # 40 elements and 35 inner nodes: two groups of each
+        explicit.cylinder(RADIUS, LENGTH, n_radial=5, n_axial=8),
         870.0,
         (soft, stiff),
         (ramp(0.35 * LENGTH, 0.0), ramp(0.2 * LENGTH, 1e-4), ramp(5.0 * LENGTH, 0.0)),
@@ -125,11 +114,11 @@ def model_of(case: Case) -> Model:
     )
 
 
-def samples_of(case: Case) -> Samples:
+def samples_of(case: Case) -> explicit.Samples:
     rng = np.random.default_rng(5)
     motion = rng.integers(0, 2, N)
     motion[CRUSHED] = 2
-    return Samples.of(
+    return explicit.Samples.of(
         stiffness_factor=rng.uniform(0.6, 1.6, N), poisson=rng.uniform(0.48, 0.495, N),
         damping=rng.choice([0.0, 1e-5, 4e-5], N), friction=rng.choice([0.0, 0.05, 0.3, 5.0], N),
         mass_damping=rng.choice([0.0, 100.0], N), material=rng.integers(0, 2, N), motion=motion,
@@ -156,7 +145,7 @@ def launch(
     )
     lanes = PACK_BYTES // numbers.dtype().itemsize
     output, _ = output_of(kernel, model.mesh, N, SAMPLING, model.mesh.side, where)
-    stepping = Stepping(precision=case.precision, max_steps=5000)
+    stepping = explicit.Stepping(precision=case.precision, max_steps=5000)
     batch = batch_of(kernel, model, samples_of(case), SAMPLING, stepping, numbers, where)
     if spoil:
         solids = batch.solids.numpy()
@@ -202,12 +191,16 @@ def read(output: Any) -> dict[str, np.ndarray]:
 @EVERY
 def test_the_batch_exercises_what_it_should(case: Case) -> None:
     got = results(case, None)
-    outcomes = [Outcome(int(code)) for code in got["outcome"]]
+    outcomes = [explicit.Outcome(int(code)) for code in got["outcome"]]
     assert all(outcomes[i].ok for i in GOOD)
     # Its 24 elements are crushed at 36 m/s within a few steps: they fold, the step collapses, or the step
     # that was measured before no longer holds, whichever is seen first.
-    assert outcomes[CRUSHED] in (Outcome.INVERTED, Outcome.STEP_COLLAPSED, Outcome.DIVERGED)
-    assert outcomes[SPOILT] in (Outcome.INVERTED, Outcome.DIVERGED)
+    assert outcomes[CRUSHED] in (
+        explicit.Outcome.INVERTED,
+        explicit.Outcome.STEP_COLLAPSED,
+        explicit.Outcome.DIVERGED,
+    )
+    assert outcomes[SPOILT] in (explicit.Outcome.INVERTED, explicit.Outcome.DIVERGED)
     assert np.isfinite(got["position"][GOOD]).all()
     assert len(set(got["steps"])) > 5  # lanes end at different times
     assert got["past_data"].max() > 0.0
@@ -272,7 +265,7 @@ def test_a_simulation_keeps_its_bits_in_any_pack(case: Case) -> None:
 def test_what_is_not_a_number_stays_in_its_lane(case: Case, mapping: Mapping) -> None:
     got, sound = results(case, mapping), read(launch(case, mapping, spoil=False))
     others = np.delete(np.arange(N), SPOILT)
-    assert sound["outcome"][SPOILT] == Outcome.COMPLETED
+    assert sound["outcome"][SPOILT] == explicit.Outcome.COMPLETED
     for name in got:
         np.testing.assert_array_equal(got[name][others], sound[name][others], err_msg=name)
 
@@ -317,7 +310,7 @@ def test_a_run_is_the_same_for_any_threads(case: Case) -> None:
     expected = read(launch(case, "simulation", spoil=False))
     for threads in (1, 2, 5):
         finished: list[int] = []
-        stepping = Stepping(precision=case.precision, max_steps=5000)
+        stepping = explicit.Stepping(precision=case.precision, max_steps=5000)
         got = run(
             model_of(case), samples_of(case), SAMPLING, stepping=stepping, threads=threads,
             progress=finished.append,
@@ -414,11 +407,11 @@ def test_the_last_launches_are_joined_one_after_the_other(monkeypatch: pytest.Mo
 
     runs = [Watched(Launches().begin, k, MANY, select_device("cpu")) for k in range(5)]
     counts: list[int] = []
-    drivers._work(runs, 3, counts.append)
+    explicit.drivers._work(runs, 3, counts.append)
     assert offered == [4, 3]
     assert sorted(counts) == [0, 1, 2, 3, 4]
     offered.clear()
-    drivers._work(runs[:1], 1, None)
+    explicit.drivers._work(runs[:1], 1, None)
     assert offered == []
 
 

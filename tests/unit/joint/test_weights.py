@@ -1,5 +1,4 @@
-"""Data of several shots in one vector: weights, blocks and the separate unknowns of each shot, in closed
-form."""
+"""Data of several shots in one vector: weights, blocks, unknowns of each shot, in closed form."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -13,24 +12,7 @@ from scipy.stats import t as student
 from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis.joint_fit import (
-    cause_sentence,
-    explained_by,
-    explained_share,
-    joint_verdict,
-    noticeable_scales,
-    own_amount,
-    roughly_judged,
-    shot_agreement,
-    shot_causes,
-    slow_fit,
-)
-from kolsky.diagnosis.relaxation import (
-    choice_in_words,
-    choice_with_mesh_error,
-    deviance_with_mesh_patterns,
-    points_in_step,
-)
+from kolsky.diagnosis import joint_fit, relaxation
 from kolsky.inverse.joint_problem import CLOCK, SCATTER, ShotData, Stack, covariance, information
 from kolsky.inverse.joint_result import (
     FORCE_SCALE,
@@ -253,18 +235,18 @@ def strength(value: float, noise: float, mesh: float) -> Any:
 
 
 def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
-    assert choice_with_mesh_error(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
-    doubtful = choice_with_mesh_error(ASKED, strength(0.19, 0.06, 0.08))
+    assert relaxation.choice_with_mesh_error(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
+    doubtful = relaxation.choice_with_mesh_error(ASKED, strength(0.19, 0.06, 0.08))
     assert not doubtful.asked_for
     assert "its strength, 0.19 with a standard uncertainty of 0.1, mesh included" in doubtful.sentence
-    assert choice_with_mesh_error(ASKED, {}) is ASKED  # held, not found
+    assert relaxation.choice_with_mesh_error(ASKED, {}) is ASKED  # held, not found
 
 
 def test_a_time_at_a_bound_is_no_relaxation() -> None:
     strong = strength(0.3, 0.06, 0.08)
     inside, at_bound = (SimpleNamespace(outcome=v) for v in (Verdict.IDENTIFIED, Verdict.AT_BOUND))
-    assert choice_with_mesh_error(ASKED, {**strong, "prony_time_1": inside}) is ASKED
-    said = choice_with_mesh_error(ASKED, {**strong, "prony_time_1": at_bound})
+    assert relaxation.choice_with_mesh_error(ASKED, {**strong, "prony_time_1": inside}) is ASKED
+    said = relaxation.choice_with_mesh_error(ASKED, {**strong, "prony_time_1": at_bound})
     assert not said.asked_for
     assert "prony_time_1 ends at a bound" in said.sentence
     assert rate_of("prony_strength_2") == "prony_time_2"
@@ -274,10 +256,10 @@ def test_a_time_at_a_bound_is_no_relaxation() -> None:
 def test_a_weak_branch_leaves_the_ringing_in_step() -> None:
     """The bulk modulus, with m (1 + c) / (1 - 2 nu), is what it was; where nu is held nothing moves."""
     points = np.array([[1.2, 0.4985, 0.1], [1.2, 0.499, 0.1]])
-    moved = points_in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
+    moved = relaxation.points_in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
     np.testing.assert_allclose(1.1 / (1.0 - 2.0 * moved[:, 1]), 1.0 / (1.0 - 2.0 * points[:, 1]))
     np.testing.assert_array_equal(moved[:, [0, 2]], points[:, [0, 2]])
-    held = points_in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
+    held = relaxation.points_in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
     np.testing.assert_array_equal(held, points)
 
 
@@ -295,13 +277,15 @@ def test_what_a_mesh_error_explains_speaks_against_no_model() -> None:
     stack: Any = TwoShots()
     pattern = np.array([[3.0, 0.0, 0.0, 0.0]])
     # variance 1 + 9 of the first entry; a point that is not reached adds nothing
-    found = deviance_with_mesh_patterns(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
+    found = relaxation.deviance_with_mesh_patterns(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
     assert found == pytest.approx(4.0 / 10.0 + 1.0 + np.log(10.0))
 
 
 def test_the_choice_otherwise() -> None:
-    assert choice_in_words(-8.0, 1e-4, asked=True).startswith("the data need relaxation (AIC -8.0; 0.01 %")
-    assert choice_in_words(2.0, 0.3, asked=False).startswith(
+    assert relaxation.choice_in_words(-8.0, 1e-4, asked=True).startswith(
+        "the data need relaxation (AIC -8.0; 0.01 %"
+    )
+    assert relaxation.choice_in_words(2.0, 0.3, asked=False).startswith(
         "the data do not need relaxation (AIC +2.0; 30 %"
     )
 
@@ -320,7 +304,9 @@ def asks(values: list[float], sigma: list[float], scale: list[float] | None = No
 
 def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     # The outline decides the answer of all data: there nothing is seen.
-    found = shot_agreement(["a", "b", "c"], asks([0.02, -0.46, 0.0], [0.01, 0.03, 0.01]), scatter=True)
+    found = joint_fit.shot_agreement(
+        ["a", "b", "c"], asks([0.02, -0.46, 0.0], [0.01, 0.03, 0.01]), scatter=True
+    )
     assert (found.shots, found.channel, found.freedom) == (("b",), "force", 2)
     w = np.array([1e4, 1.0 / 9e-4, 1e4])
     a = np.array([0.02, -0.46, 0.0])
@@ -328,7 +314,7 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     assert found.probability == pytest.approx(chi2.sf(found.chi2, 2), rel=1e-9)
     assert found.ratio == pytest.approx(1.02 / 0.54)
     assert "b contradicts the other shots by the force alone" in found.sentence
-    pair = shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
+    pair = joint_fit.shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
     assert pair.shots == ("a", "b")
     # Two estimates: the square of their difference over the sum of their variances.
     assert pair.chi2 == pytest.approx(0.48**2 / (0.01**2 + 0.03**2))
@@ -337,21 +323,21 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
 
 def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
     for scatter in (True, False):
-        found = shot_agreement(["a", "b", "c"], asks([0.1, 0.0, -0.1], [0.01] * 3), scatter=scatter)
+        found = joint_fit.shot_agreement(["a", "b", "c"], asks([0.1, 0.0, -0.1], [0.01] * 3), scatter=scatter)
         assert found.chi2 == pytest.approx(200.0)
         assert found.apart is not scatter
-    agree = shot_agreement(["a", "b"], asks([0.1, -0.4], [0.2, 0.2]), scatter=False)
+    agree = joint_fit.shot_agreement(["a", "b"], asks([0.1, -0.4], [0.2, 0.2]), scatter=False)
     assert not agree.apart  # chi2 3.1 of one degree of freedom, 0.08
-    assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
+    assert joint_fit.shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
 
 
 def test_the_scale_of_the_force_does_not_scatter_between_specimens() -> None:
     names, sigma = ["a", "b", "c"], [0.01] * 3
     # Specimens that scatter by a tenth, with forces of one scale.
-    alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.0, 0.0]), scatter=True)
+    alike = joint_fit.shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.0, 0.0]), scatter=True)
     assert not alike.apart
     # A sensitivity that is a tenth off.
-    found = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.1, 0.0]), scatter=True)
+    found = joint_fit.shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.1, 0.0]), scatter=True)
     assert (found.shots, found.channel) == (("b",), FORCE_SCALE)
     # Scales 0, 0.1, 0 of the variance 0.01^2: sum of squares 2/3 of 0.01.
     assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 1e-4)
@@ -364,33 +350,33 @@ def test_the_noticeable_error_of_a_sensitivity_in_closed_form() -> None:
     # Two shots: the difference of their scales over its sigma is normal. Its two-sided limit z has a quarter
     # of the probability 2.7e-3; an error is beyond it in nine of ten cases if it is 1.28 sigma larger.
     z = norm.isf(2.7e-3 / 8.0) + norm.isf(0.1)
-    for found in noticeable_scales(np.array([0.03, 0.04])):
+    for found in joint_fit.noticeable_scales(np.array([0.03, 0.04])):
         assert found == pytest.approx(0.05 * z, rel=1e-4)
     # Five exact others: a scale of 0.02 is compared with their mean. In draws with this error, nine of ten
     # chi-squares exceed the limit of four degrees of freedom.
     sigma = np.array([0.02, 1e-6, 1e-6, 1e-6, 1e-6])
-    least = noticeable_scales(sigma)[0]
+    least = joint_fit.noticeable_scales(sigma)[0]
     draws = (least / 0.02 + np.random.default_rng(4).standard_normal(20000)) ** 2
     draws += chi2.rvs(3, size=20000, random_state=6)
     share = float(np.mean(draws > chi2.isf(2.7e-3 / 4.0, 4)))
     assert share == pytest.approx(0.9, abs=0.007)  # three standard deviations of 20000 draws
     # Scales known well: their ratio must still exceed 1.05, with a probability of 0.9.
-    least = noticeable_scales(np.array([0.001, 0.001]))[0]
+    least = joint_fit.noticeable_scales(np.array([0.001, 0.001]))[0]
     assert least == pytest.approx(0.05 + norm.isf(0.1) * 0.001 * np.sqrt(2.0), rel=1e-9)
     # A shot without force has no scale, and a single scale is compared with none.
-    assert noticeable_scales(np.array([0.03, NOTHING, 0.04]))[1] == np.inf
-    assert noticeable_scales(np.array([0.03, NOTHING])) == (np.inf, np.inf)
+    assert joint_fit.noticeable_scales(np.array([0.03, NOTHING, 0.04]))[1] == np.inf
+    assert joint_fit.noticeable_scales(np.array([0.03, NOTHING])) == (np.inf, np.inf)
 
 
 def test_an_agreement_states_what_it_would_detect() -> None:
-    found = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.03, 0.04], [0.0, 0.0]), scatter=True)
-    assert found.noticeable == noticeable_scales(np.array([0.03, 0.04]))
+    found = joint_fit.shot_agreement(["a", "b"], asks([0.0, 0.0], [0.03, 0.04], [0.0, 0.0]), scatter=True)
+    assert found.noticeable == joint_fit.noticeable_scales(np.array([0.03, 0.04]))
     assert found.sentence.endswith("; an error of one shot's sensitivity above 23 % would be detected")
     # That of the shot with the least known scale.
     assert replace(found, noticeable=(0.06, 0.08, 0.07)).power.endswith("above 8 % would be detected")
-    blind = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4], [0.0, 0.0]), scatter=True)
+    blind = joint_fit.shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4], [0.0, 0.0]), scatter=True)
     assert blind.sentence.endswith("; an error of one shot's sensitivity would not be detected")
-    force = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4]), scatter=True)
+    force = joint_fit.shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4]), scatter=True)
     assert force.power == "an error of one shot's sensitivity would not be detected"
 
 
@@ -399,7 +385,7 @@ def test_the_scale_of_a_force_with_its_stiffness_free_in_closed_form() -> None:
     # is that of p less what u explains of it.
     u, p = np.linspace(1.0, 30.0, 40), 10.0 + np.cos(np.arange(40.0))
     one = shot(0.1 * u + 0.2 * p, np.zeros(0))
-    value, sigma = own_amount(one, -0.1 * u - 0.2 * p, np.stack([u, p]), np.zeros((0, 40)), "joint")
+    value, sigma = joint_fit.own_amount(one, -0.1 * u - 0.2 * p, np.stack([u, p]), np.zeros((0, 40)), "joint")
     assert value == pytest.approx(0.2, rel=1e-9)
     assert sigma == pytest.approx(0.5 / np.sqrt(p @ p - (u @ p) ** 2 / (u @ u)), rel=1e-6)
 
@@ -409,7 +395,7 @@ def test_agreeing_shots_seldom_contradict() -> None:
     sigma = [0.05, 0.08, 0.1, 0.06]
     draws = rng.standard_normal((2000, 2, 4)) * sigma
     found = [
-        shot_agreement(list("abcd"), asks(force.tolist(), sigma, scale.tolist()), scatter=False)
+        joint_fit.shot_agreement(list("abcd"), asks(force.tolist(), sigma, scale.tolist()), scatter=False)
         for force, scale in draws
     ]
     # Two tests with a quarter of 0.27 % of 2000 each are 3; more than 10 come with a probability of 0.02 %.
@@ -444,7 +430,7 @@ def causes_of(stack: Stack, vector: np.ndarray, errors: np.ndarray) -> tuple[Sho
     unknowns = SimpleNamespace(names=("stiffness_factor",), nodes=0, relative_stiffness=lambda *_: stiffer)
     problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, shots=names)
     optimum: Any = SimpleNamespace(x=np.ones(1), vector=vector, slopes=stiffer[:, None])
-    return shot_causes(problem, optimum, errors)
+    return joint_fit.shot_causes(problem, optimum, errors)
 
 
 def test_an_error_of_the_mesh_is_not_an_input() -> None:
@@ -475,7 +461,7 @@ def test_the_input_and_the_shot_that_are_wrong_are_named(key: str, amount: float
     assert causes[0].amount == pytest.approx(amount, rel=0.05)
     assert causes[0].share > 0.9
     assert [one.gain for one in causes] == sorted((one.gain for one in causes), reverse=True)
-    assert cause_sentence(causes).startswith(f"the likeliest cause is {causes[0].words} (explains ")
+    assert joint_fit.cause_sentence(causes).startswith(f"the likeliest cause is {causes[0].words} (explains ")
 
 
 def test_the_size_of_an_input_in_closed_form() -> None:
@@ -485,7 +471,7 @@ def test_the_size_of_an_input_in_closed_form() -> None:
     small = 0.1 * np.tile([1.0, -1.0], 20)
     small -= t * (small @ t) / (t @ t)
     residual = 3.0 + 2.0 * t + small
-    amount, sigma, deviance, left = explained_by(
+    amount, sigma, deviance, left = joint_fit.explained_by(
         stack, residual, np.stack([np.ones(40), t]), np.zeros((0, 40))
     )
     assert amount == pytest.approx(-2.0, rel=1e-9)
@@ -497,26 +483,26 @@ def test_the_size_of_an_input_in_closed_form() -> None:
 def test_shares_are_those_of_the_channel_that_is_explained() -> None:
     one = shot(np.zeros(2), np.zeros(2))
     before, after = np.array([3.0, 1.0, 2.0, 0.0]), np.array([3.0, 1.0, 1.0, 0.0])
-    assert explained_share(before, after, one) == pytest.approx(0.75)
-    assert explained_share(before[:2], after[:2], shot(np.zeros(2), np.zeros(0))) == 0.0
+    assert joint_fit.explained_share(before, after, one) == pytest.approx(0.75)
+    assert joint_fit.explained_share(before[:2], after[:2], shot(np.zeros(2), np.zeros(0))) == 0.0
 
 
 def test_no_cause_is_named_that_explains_little() -> None:
     weak = ShotCause("a", "sensitivity", 0.1, 0.03, gain=15.0, share=0.9)
     partial = replace(weak, gain=300.0, share=0.4)
     strong = replace(weak, key="clock_offset", amount=2e-5, sigma=1e-6, gain=200.0, share=0.8)
-    assert cause_sentence([weak]).startswith("no single input of one shot explains the misfit")
-    assert cause_sentence([partial, weak]).endswith(
+    assert joint_fit.cause_sentence([weak]).startswith("no single input of one shot explains the misfit")
+    assert joint_fit.cause_sentence([partial, weak]).endswith(
         "by 300); most of the misfit remains: identify a alone, which tries every input"
     )
     # What explains most of a channel comes before a larger gain that explains little of any.
-    assert cause_sentence([partial, strong]).startswith(f"the likeliest cause is {strong.words} ")
+    assert joint_fit.cause_sentence([partial, strong]).startswith(f"the likeliest cause is {strong.words} ")
     # Of two shots, one may be the stiffer or the other the softer: likelihoods within exp(5) are equal.
     pair = [replace(strong, key="material"), replace(strong, shot="b", key="material", gain=190.0)]
-    assert f"is {pair[0].words}; or {pair[1].words} (explains 80 %" in cause_sentence(pair)
+    assert f"is {pair[0].words}; or {pair[1].words} (explains 80 %" in joint_fit.cause_sentence(pair)
     other = replace(pair[1], gain=189.9)
-    assert f"; next: {other.words} (190)" in cause_sentence([pair[0], other])
-    assert cause_sentence([strong, replace(weak, gain=16.0)]) == (
+    assert f"; next: {other.words} (190)" in joint_fit.cause_sentence([pair[0], other])
+    assert joint_fit.cause_sentence([strong, replace(weak, gain=16.0)]) == (
         "the likeliest cause is the force record of a, 20 ± 2 us late: check its clock (explains 80 % of a "
         "squared residual; -2 ln L falls by 200); next: the force of a, 1.1 ± 0.06 times what all data "
         "predict: multiply its sensitivity by this (16)"
@@ -524,39 +510,39 @@ def test_no_cause_is_named_that_explains_little() -> None:
 
 
 def test_a_fit_without_drawn_noise_has_a_rough_limit() -> None:
-    good = slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=False)
+    good = joint_fit.slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=False)
     assert good.explained
-    assert not slow_fit("ramp", np.full(8, 114.0), {}, peak=1.0, judged=False).explained
-    assert not roughly_judged(replace(good, residual=10.1, limit=np.inf)).explained
-    assert roughly_judged(replace(good, residual=9.9, slow_residual=3.0, limit=np.inf)).explained
+    assert not joint_fit.slow_fit("ramp", np.full(8, 114.0), {}, peak=1.0, judged=False).explained
+    assert not joint_fit.roughly_judged(replace(good, residual=10.1, limit=np.inf)).explained
+    assert joint_fit.roughly_judged(replace(good, residual=9.9, slow_residual=3.0, limit=np.inf)).explained
 
 
 def test_the_stiffness_that_a_shot_asks_for_in_closed_form() -> None:
     # Data c (1 + a) of noise 0.5 with a = 0.1: r = -0.1 c, and the variance 0.5^2 / sum c^2.
     c = np.linspace(1.0, 30.0, 40)
     one = shot(1.1 * c, np.zeros(0))
-    value, sigma = own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "joint")
+    value, sigma = joint_fit.own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "joint")
     assert value == pytest.approx(0.1, rel=1e-9)
     assert sigma == pytest.approx(0.5 / np.sqrt(c @ c), rel=1e-6)
     # An error of the mesh that is a twentieth of c is as large in a.
-    value, sigma = own_amount(one, c - 1.1 * c, c[None], 0.05 * c[None], "force")
+    value, sigma = joint_fit.own_amount(one, c - 1.1 * c, c[None], 0.05 * c[None], "force")
     assert value == pytest.approx(0.1, rel=1e-9)
     assert sigma == pytest.approx(np.hypot(0.05, 0.5 / np.sqrt(c @ c)), rel=1e-6)
-    assert np.isnan(own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "outline")).all()
+    assert np.isnan(joint_fit.own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "outline")).all()
 
 
 def test_a_foreign_slow_test_is_not_explained() -> None:
     rng = np.random.default_rng(5)
     noise = rng.standard_normal(64)
-    right = slow_fit("relaxation", noise, {}, peak=50.0, judged=True)
+    right = joint_fit.slow_fit("relaxation", noise, {}, peak=50.0, judged=True)
     assert right.explained
     assert right.excess == pytest.approx(np.sqrt(np.mean(noise**2)))
     # Eight means of eight values: noise of 1 / sqrt(8).
     assert right.slow_expected == pytest.approx(1.0 / np.sqrt(8.0))
-    foreign = slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
+    foreign = joint_fit.slow_fit("relaxation", noise + 20.0, {}, peak=50.0, judged=True)
     assert not foreign.explained
     # The curve is uncertain by 20 sigma there: a correct model leaves as much.
-    known = slow_fit(
+    known = joint_fit.slow_fit(
         "relaxation", noise + 20.0, {"material curve": np.full((1, 64), 20.0)}, peak=50.0, judged=True
     )
     assert known.explained
@@ -565,12 +551,12 @@ def test_a_foreign_slow_test_is_not_explained() -> None:
 
 def test_the_verdict_on_a_shared_value() -> None:
     e = Estimate("poisson", "1", 0.499, 1e-4, 0.0, 0.0, {}, outcome=Verdict.IDENTIFIED)
-    good = slow_fit("ramp", np.ones(8), {}, peak=1.0, judged=True)
-    bad = slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=True)
+    good = joint_fit.slow_fit("ramp", np.ones(8), {}, peak=1.0, judged=True)
+    bad = joint_fit.slow_fit("ramp", np.full(8, 9.0), {}, peak=1.0, judged=True)
     apart = ShotAgreement(99.0, 1, 0.0, 2.0, ("a", "b"), "force")
-    assert joint_verdict(e, [good], None).outcome is e.outcome
-    assert joint_verdict(e, [good, bad], apart).outcome is Verdict.UNEXPLAINED
-    assert joint_verdict(e, [good], apart).outcome is Verdict.SHOTS_CONTRADICT
+    assert joint_fit.joint_verdict(e, [good], None).outcome is e.outcome
+    assert joint_fit.joint_verdict(e, [good, bad], apart).outcome is Verdict.UNEXPLAINED
+    assert joint_fit.joint_verdict(e, [good], apart).outcome is Verdict.SHOTS_CONTRADICT
     assert not Verdict.SHOTS_CONTRADICT.identified
 
 

@@ -9,15 +9,7 @@ import pytest
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.records import CentreLine
-from kolsky.pictures.specimen_length import (
-    LengthByPictures,
-    RimAtRest,
-    calibration_variance,
-    conditioned_length,
-    length_notes,
-    length_words,
-    rim_at_rest,
-)
+from kolsky.pictures import specimen_length
 from kolsky.shot import load
 from tests.helpers.stereo_scene import rig
 
@@ -27,9 +19,9 @@ OFF = 9e-6
 LENGTH = 6e-3
 
 
-def found(off: float = OFF, sigma: float = A) -> LengthByPictures:
-    rim = RimAtRest(off, float(np.hypot(Z, R)))
-    return conditioned_length(rim, declared=LENGTH, sigma=sigma, y_sigma=B)
+def found(off: float = OFF, sigma: float = A) -> specimen_length.LengthByPictures:
+    rim = specimen_length.RimAtRest(off, float(np.hypot(Z, R)))
+    return specimen_length.conditioned_length(rim, declared=LENGTH, sigma=sigma, y_sigma=B)
 
 
 def test_it_is_the_conditional_distribution() -> None:
@@ -70,13 +62,13 @@ def test_an_exact_length_stays_and_so_do_the_heights() -> None:
     assert not one.conditioned
     assert (one.used, one.used_sigma, one.y_shift, one.y_per_length) == (LENGTH, 0.0, 0.0, 0.0)
     assert one.y_sigma == B
-    assert "used as declared" in length_words(one)
+    assert "used as declared" in specimen_length.length_words(one)
 
 
 def test_what_is_apart_is_said_and_beyond_four_sigmas_not_joined() -> None:
     both = float(np.sqrt(A**2 + B**2 + Z**2 + R**2))
-    assert length_notes(found(2.99 * both)) == ()
-    (said,) = length_notes(found(-3.01 * both))
+    assert specimen_length.length_notes(found(2.99 * both)) == ()
+    (said,) = specimen_length.length_notes(found(-3.01 * both))
     assert "specimen.length is 6.0000 mm" in said
     assert f"prefer {1e3 * (LENGTH - 3.01 * both):.4f} mm" in said
     assert "3.0 standard uncertainties" in said
@@ -85,12 +77,14 @@ def test_what_is_apart_is_said_and_beyond_four_sigmas_not_joined() -> None:
     assert found(3.99 * both).conditioned
     assert not found(4.01 * both).conditioned
     assert found(4.01 * both).used == LENGTH
-    assert "the declared one was used" in length_notes(found(4.01 * both))[0]
+    assert "the declared one was used" in specimen_length.length_notes(found(4.01 * both))[0]
 
 
 def test_the_words_have_all_three_lengths() -> None:
-    one = conditioned_length(RimAtRest(8e-6, 6e-6), declared=LENGTH, sigma=8e-6, y_sigma=0.0)
-    assert length_words(one) == (
+    one = specimen_length.conditioned_length(
+        specimen_length.RimAtRest(8e-6, 6e-6), declared=LENGTH, sigma=8e-6, y_sigma=0.0
+    )
+    assert specimen_length.length_words(one) == (
         "declared 6.0000 mm ± 16.0 µm, in the pictures 6.0080 mm ± 12.0 µm, used 6.0051 mm ± 9.6 µm (k = 2)"
     )
 
@@ -108,12 +102,12 @@ def result(*, disagreement: tuple[float, float] | None, cameras: Any = None) -> 
 def test_the_rim_has_neither_the_lengths_sigma_nor_the_lower_ends() -> None:
     whole = float(np.sqrt(A**2 + B**2 + Z**2 + R**2))
     given = result(disagreement=(OFF, whole))
-    plain = rim_at_rest(given, length=LENGTH, length_sigma=A)
+    plain = specimen_length.rim_at_rest(given, length=LENGTH, length_sigma=A)
     assert plain.disagreement == OFF
     assert plain.sigma == pytest.approx(np.hypot(Z, R))
-    more = rim_at_rest(given, length=LENGTH, length_sigma=A, unseen=7e-6)
+    more = specimen_length.rim_at_rest(given, length=LENGTH, length_sigma=A, unseen=7e-6)
     assert more.sigma == pytest.approx(np.sqrt(Z**2 + R**2 + 49e-12))
-    assert rim_at_rest(result(disagreement=None), length=LENGTH, length_sigma=A) is None
+    assert specimen_length.rim_at_rest(result(disagreement=None), length=LENGTH, length_sigma=A) is None
 
 
 def test_a_scale_of_the_calibration_is_in_the_length() -> None:
@@ -124,8 +118,10 @@ def test_a_scale_of_the_calibration_is_in_the_length() -> None:
     distance = cameras.relative[1]
     covariance[-3:, -3:] = 1e-6 * np.outer(distance, distance)
     given = result(disagreement=(OFF, 2.0 * A), cameras=replace(cameras, covariance=covariance))
-    assert calibration_variance(given, LENGTH) == pytest.approx((1e-3 * LENGTH) ** 2, rel=1e-5)
-    one = rim_at_rest(given, length=LENGTH, length_sigma=A)
+    assert specimen_length.calibration_variance(given, LENGTH) == pytest.approx(
+        (1e-3 * LENGTH) ** 2, rel=1e-5
+    )
+    one = specimen_length.rim_at_rest(given, length=LENGTH, length_sigma=A)
     assert one.sigma == pytest.approx(np.sqrt(3.0 * A**2 - B**2 + (1e-3 * LENGTH) ** 2), rel=1e-5)
 
 
@@ -137,14 +133,14 @@ class Loaded:
     centre_line: CentreLine
     uncertainty: dict[str, float]
     notes: tuple[str, ...] = ("an odd row",)
-    length_by_pictures: LengthByPictures | None = None
+    length_by_pictures: specimen_length.LengthByPictures | None = None
 
 
 def test_a_shot_takes_the_length_and_its_heights() -> None:
     line = CentreLine(np.zeros(2), np.arange(2), np.array([1e-3, 2e-3]), np.full(2, 5e-3), np.full(2, 1e-6))
     declared = {"specimen_length": A / LENGTH, "y_offset": B, "sensitivity": 0.002}
     shot: Any = Loaded(Specimen(diameter=1e-2, length=LENGTH, density=1e3), line, declared)
-    one, rim = found(), RimAtRest(OFF, float(np.hypot(Z, R)))
+    one, rim = found(), specimen_length.RimAtRest(OFF, float(np.hypot(Z, R)))
     given: Any = load._with_length(shot, rim)
     assert given.specimen.length == pytest.approx(one.used, rel=1e-12)
     assert given.specimen.diameter == 1e-2

@@ -1,5 +1,4 @@
-"""A declared length compared with the pictures' scale: bounds in closed form, error messages, no false
-alarm."""
+"""A declared length against the pictures' scale: bounds in closed form, messages, no false alarm."""
 
 from pathlib import Path
 

@@ -99,8 +99,6 @@ def test_the_outline_has_what_departs_from_the_surface_beside_it(monkeypatch: py
 
 # [uncertainty] of shot.toml: entries that `kolsky identify` uses, and entries for `kolsky waves` only.
 
-OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
-
 
 def shot_with(tmp_path: Path, table: str) -> Path:
     """A copy of open-01 with another table at its end."""

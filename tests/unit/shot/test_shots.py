@@ -1,5 +1,4 @@
-"""A loaded shot, compared with an independent reading of its files, and the effect of every sign and
-clock."""
+"""A loaded shot, compared with an independent reading of its files: every sign and every clock."""
 
 import csv
 import hashlib

@@ -1,5 +1,4 @@
-"""Synthetic folders: they can be read, are equal for one seed, and are wrong on request; no command reads the
-truth."""
+"""Synthetic folders: readable, equal for one seed, wrong on request; no command reads the truth."""
 
 import re
 import tomllib
@@ -33,9 +32,6 @@ compression = "12 %"
 [truth]
 mesh = [8, 11]
 """
-
-
-FACTOR = '"material.stiffness_factor" = {{ low = 1, high = 2 }}\n'
 
 
 def made(folder: Path, text: str = "", **options: object) -> Path:

@@ -1,7 +1,4 @@
-"""The virtual laboratory on a GPU: the same truths, pictures and budgets as on a CPU, to stated errors.
-
-Without a CUDA device these tests are skipped; `pytest -m cuda` runs them with one.
-"""
+"""The virtual laboratory on a GPU: the truths, pictures and budgets of a CPU, to stated errors."""
 
 from dataclasses import replace
 from pathlib import Path
