@@ -88,6 +88,14 @@ class MadeUp:
             points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
         )
 
+    @property
+    def front_jerks(self) -> np.ndarray:
+        return np.zeros((2, 1))
+
+    def under_other_motions(self, points: np.ndarray, deviations: Any, numerics: Any) -> Any:
+        n = len(deviations) + 1
+        return [self.predicted(np.repeat(x[None], n, axis=0), numerics.mesh) for x in points]
+
     def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
         return one.vectors(self.predicted(points, numerics.mesh))
 
