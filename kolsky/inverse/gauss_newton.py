@@ -299,10 +299,10 @@ def search_by_gauss_newton(
     """
     problem = runner.problem
     coarse = optima[problem.numerics.mesh]
-    blind = [name for name, s in zip(problem.box.names, coarse.sigma, strict=True) if not np.isfinite(s)]
+    slope, objective = slopes(runner, coarse)
+    blind = [name for name, seen in zip(problem.box.names, slope.any(axis=0), strict=True) if not seen]
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
-    slope, objective = slopes(runner, coarse)
     last, slope = _search_on(runner, objective, slope, coarse.x, problem.halfway)
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
     if problem.halfway != problem.refined:
@@ -328,11 +328,17 @@ def _search_on(
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, Objective]:
-    """Jacobian [k, d] and objective at the surrogate mesh's optimum, or ValueError."""
-    box = runner.problem.box
+    """Jacobian [k, d] and objective at the surrogate mesh's optimum, or ValueError.
+
+    The rounding of single precision can hide a small effect. The standard uncertainty is then infinite, and
+    the slopes are those over a tenth of the range, in double precision.
+    """
+    box, numerics = runner.problem.box, runner.problem.numerics
+    if not np.isfinite(optimum.sigma).all():
+        numerics = replace(numerics, precision="fp64")
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
-    done = runner.simulate("refinement", from_points(box, points), runner.problem.numerics)
+    done = runner.simulate("refinement", from_points(box, points), numerics)
     if len(done.points) < len(points):
         raise ValueError(f"the slopes at the optimum need every neighbouring run to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))

@@ -1,6 +1,7 @@
 """Valleys, meshes and steps of the search with several parameters, for synthetic oscillating responses."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,14 +12,22 @@ from test_objective import objective
 from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.gauss_newton import CONFIRMED, RefinedRun, Step, _chord_steps, _search_on
+from kolsky.inverse.gauss_newton import (
+    CONFIRMED,
+    RefinedRun,
+    Step,
+    _chord_steps,
+    _search_on,
+    search_by_gauss_newton,
+    slopes,
+)
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.run_table import Runs, RunTable
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics, Settings
-from kolsky.inverse.surrogate_mesh_search import search_meshes, starts
+from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
 from kolsky.inverse.valleys import from_search, search_box, to_search
 from kolsky.inverse.work import Work
 
@@ -281,3 +290,33 @@ def test_runs_of_another_table_are_taken_with_what_they_held() -> None:
     whole.take(part, {"poisson": 0.499})
     np.testing.assert_array_equal(whole.points, [[0.499, 1.2]])
     assert (whole.stages, whole.terms) == (["design"], [None])
+
+
+class Faint(MadeUp):
+    """The second parameter adds to the force, in double precision only."""
+
+    effect = 1e-3
+    """Force for each unit of the parameter."""
+
+    def simulate(self, stage: str, design: Any, numerics: Numerics) -> Any:
+        points, empty = design.points, np.empty((len(design.points), 0))
+        seen = self.effect * points[:, 1:] if numerics.precision == "fp64" else 0.0
+        force = ringing(np.column_stack([points[:, 0], np.full(len(points), TRUTH[1])])) + seen
+        prediction = Prediction(empty, force, empty, empty.astype(bool))
+        return SimpleNamespace(points=points, prediction=prediction, lost="")
+
+
+def test_an_effect_that_rounding_hides_is_found_in_double_precision() -> None:
+    optimum = MeshOptimum(x=TRUTH, sigma=np.array([1e-3, np.inf]), least_sigma=np.array([1e-3, np.inf]))
+    slope, _ = slopes(Faint(), optimum)  # type: ignore[arg-type]
+    np.testing.assert_allclose(slope[:, 1], 1e-3, rtol=1e-6)  # round-off of forces of one over 0.001 of nu
+    known = replace(optimum, sigma=np.array([1e-3, 1e-4]))
+    assert not slopes(Faint(), known)[0][:, 1].any()  # type: ignore[arg-type]
+
+
+def test_a_parameter_without_effect_is_refused() -> None:
+    made: Any = Faint()
+    made.effect = 0.0
+    optimum = MeshOptimum(x=TRUTH, sigma=np.array([1e-3, np.inf]), least_sigma=np.array([1e-3, np.inf]))
+    with pytest.raises(ValueError, match=r"do not depend on poisson: hold it \(--hold poisson\)"):
+        search_by_gauss_newton(made, {COARSE: optimum})
