@@ -12,8 +12,8 @@ the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs 
 pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
 second of two runs counts, because the first one may compile. With `--threads N` these commands run on N cores
 of a Linux machine, as the unit does. Two threads of one core would each take more processor time. Ratios
-depend less on the machine than times do; run nothing else at the same time. On a GPU (`--device cuda`) the figures are
-wall times, of the second run of each part.
+depend less on the machine than times do; run nothing else at the same time. On a GPU (`--device cuda`) the
+figures are wall times, of the second run of each part.
 """
 
 import argparse
