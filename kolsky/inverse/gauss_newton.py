@@ -300,8 +300,7 @@ def search_by_gauss_newton(
     problem = runner.problem
     coarse = optima[problem.numerics.mesh]
     slope, objective = slopes(runner, coarse)
-    blind = [name for name, seen in zip(problem.box.names, slope.any(axis=0), strict=True) if not seen]
-    if blind:
+    if blind := [name for name, effect in zip(problem.box.names, slope.T, strict=True) if not effect.any()]:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     last, slope = _search_on(runner, objective, slope, coarse.x, problem.halfway)
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
