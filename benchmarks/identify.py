@@ -7,8 +7,8 @@ problem.
 The part "free" identifies all parameters that the data constrain (the default of `kolsky identify`). The part
 "held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
 Each line gives batches, runs, element updates and processor time of one stage and mesh. The last column is
-the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process;
-"host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
+the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process,
+before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
 pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
 second of two runs counts, because the first one may compile. With `--threads N` these commands run on N cores
 of a Linux machine, as the unit does. Two threads of one core would each take more processor time. Ratios
@@ -106,13 +106,13 @@ class Ledger:
 
 
 def unit(threads: int | None) -> float:
-    """Processor time of 100 runs of the solver's problem, the minimum of three [s]."""
-    problem, batch, taken = model((16, 22), "bonded"), samples(100), []
-    for _ in range(4):  # the first run compiles
-        started = time.process_time()
+    """Processor time of 100 runs of the solver's problem, the mean of three [s]."""
+    problem, batch, started = model((16, 22), "bonded"), samples(100), 0.0
+    for k in range(4):
+        if k == 1:  # the first run compiles
+            started = time.process_time()
         explicit.run(problem, batch, SAMPLING, threads=threads)
-        taken.append(time.process_time() - started)
-    return min(taken[1:])
+    return (time.process_time() - started) / 3.0
 
 
 def wrong(shot: Shot) -> Shot:
@@ -186,8 +186,9 @@ def whole(arguments: list[str]) -> dict[str, float]:
     return {"seconds": taken, "wall": wall}
 
 
-def table(part: str, measured: dict[str, Any], one: float) -> str:
+def table(part: str, measured: dict[str, Any]) -> str:
     """Table with one line for each stage and mesh."""
+    one = measured["unit"]
     lines = [f"\n{part}: m = {measured['m']:.5f} ± {2 * measured['sigma']:.5f}"]
     columns = f"{'batches':>8s} {'runs':>6s} {'updates':>9s} {'ratio':>7s}"
     lines.append(f"{'stage':12s} {'elements':>16s} {columns}")
@@ -226,7 +227,7 @@ def summary(measured: dict[str, Any]) -> str:
         "| --- " * 5 + "|",
     ]
     for part in (part for part in PARTS if part in measured):
-        one, unit = measured[part], measured["unit"]
+        one, unit = measured[part], measured[part]["unit"]
         runs, updates, solver = (
             sum(row[key] for row in one["stages"]) for key in ("runs", "updates", "seconds")
         )
@@ -236,7 +237,7 @@ def summary(measured: dict[str, Any]) -> str:
             f"| {host / unit:.1f} |"
         )
     for part in (part for part in WORDS if part in measured and part not in PARTS):
-        lines.append(f"| {WORDS[part]} | | | {measured[part]['seconds'] / measured['unit']:.1f} | |")
+        lines.append(f"| {WORDS[part]} | | | {measured[part]['seconds'] / measured[part]['unit']:.1f} | |")
     return "\n".join(lines)
 
 
@@ -265,16 +266,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args(arguments)
     shot, said = load_shot(given.shot), {}  # type: tuple[Shot, dict[str, Any]]
-    if given.device == "cpu":
-        said["unit"] = unit(given.threads)
-        print(f"100 runs of 16 x 22 elements: {said['unit']:.2f} s of processor time")
+    units = [unit(given.threads)] if given.device == "cpu" else []
+
+    def add(part: str, found: dict[str, Any]) -> None:
+        """Add a part with the mean of the units before and after it."""
+        if units:
+            units.append(unit(given.threads))
+            found["unit"] = (units[-2] + units[-1]) / 2.0
+            said["unit"] = sum(units) / len(units)
+        said[part] = found
+
     for part in given.parts:
-        said[part] = measure(shot, part, Numerics(threads=given.threads, device=given.device))
-        if "unit" in said:
-            print(table(part, said[part], said["unit"]), flush=True)
+        add(part, measure(shot, part, Numerics(threads=given.threads, device=given.device)))
+        if units:
+            print(table(part, said[part]), flush=True)
     for part, line in commands(given.pictures, given.specimen, given.device).items():
         with cores(given.threads):
-            said[part] = whole(line)
+            add(part, whole(line))
+    if units:
+        print(f"100 runs of 16 x 22 elements: {said['unit']:.2f} s of processor time")
     print(summary(said))
     if given.json:
         given.json.write_text(json.dumps(said, indent=1) + "\n", "utf-8")

@@ -80,7 +80,7 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
     return step + np.linalg.solve(normal, pull)
 
 
-CONFIRMED = 0.5
+CONFIRMED = 1.0
 """A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
 moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
 LONGER = 3.0
@@ -356,17 +356,18 @@ def _chord_steps(
 ) -> RefinedRun:
     """Steps on a mesh until a run confirms the optimum.
 
+    The first run, which rarely confirms it, is in single precision if none is chosen.
     With slopes of this mesh the step would change by minus the change of the point. Those of a coarser mesh
     give shorter steps. Broyden's update of this ratio, the ``pace``, corrects them.
     """
     found, x, misled = None, start, 0
     pace = -np.eye(len(start)) if pace is None else pace
     for _ in range(MOST_RUNS):
-        run = judge_run(runner, objective, slope, x, numerics, found)
+        run = judge_run(runner, objective, slope, x, numerics if found else numerics.for_search(), found)
         if found is not None:
             pace = secant(pace, found.step.change, found.x, run.step.sigma, run.step.change, x)
         run = replace(run, pace=pace)
-        if run.confirmed:
+        if run.confirmed and run.numerics == numerics:
             return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
