@@ -8,12 +8,12 @@ The part "free" identifies all parameters that the data constrain (the default o
 "held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
 Each line gives batches, runs, element updates and processor time of one stage and mesh. The last column is
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process,
-before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
-pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
-second of two runs counts, because the first one may compile. With `--threads N` these commands run on N cores
-of a Linux machine, as the unit does. Two threads of one core would each take more processor time. Ratios
-depend less on the machine than times do; run nothing else at the same time. On a GPU (`--device cuda`) the
-figures are wall times, of the second run of each part.
+before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky
+identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start
+and imports included. The second of two runs counts, because the first one may compile. With `--threads N`
+these commands run on N cores of a Linux machine, as the unit does. Two threads of one core would each take
+more processor time. Ratios depend less on the machine than times do; run nothing else at the same time. On a
+GPU (`--device cuda`) the figures are wall times, of the second run of each part.
 """
 
 import argparse

@@ -82,7 +82,8 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
 
 CONFIRMED = 1.0
 """A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
-moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
+moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance, the corrected one a
+quarter of a standard deviation."""
 LONGER = 3.0
 """Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` it is 1.5."""
 
