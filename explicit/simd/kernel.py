@@ -173,8 +173,14 @@ def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]
 
 def _translation_file(time_loop: Any, choice: str) -> Path:
     """File of the translated source of a time loop. It may not exist yet."""
-    name = sha256(time_loop.module.hash_module() + _package() + choice.encode()).hexdigest()
+    name = sha256(_module(time_loop) + _package() + choice.encode()).hexdigest()
     return kernel_cache() / TRANSLATION_FOLDER / f"{name}.inc"
+
+
+@cache
+def _module(time_loop: Any) -> bytes:
+    """Warp's hash of a time loop with its functions, constants and structs; it takes a twentieth of a second."""
+    return bytes(time_loop.module.hash_module())
 
 
 def _write_translation(file: Path, code: str) -> None:
