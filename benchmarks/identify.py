@@ -2,7 +2,7 @@
 problem.
 
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
-        [--pictures FOLDER] [--specimen SPEC.toml] [--device cuda]
+        [--pictures FOLDER] [--specimen SPEC.toml] [--device cuda] [--target-cpu NAME]
 
 The part "free" identifies all parameters that the data constrain (the default of `kolsky identify`). The part
 "held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
@@ -13,7 +13,8 @@ identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. Thes
 and imports included. The second of two runs counts, because the first one may compile. With `--threads N`
 these commands run on N cores of a Linux machine, as the unit does. Two threads of one core would each take
 more processor time. Ratios depend less on the machine than times do; run nothing else at the same time. On a
-GPU (`--device cuda`) the figures are wall times, of the second run of each part.
+GPU (`--device cuda`) the figures are wall times, of the second run of each part. `--target-cpu haswell`
+compiles the kernels without AVX-512, as on a processor that lacks it.
 """
 
 import argparse
@@ -171,14 +172,24 @@ def cores(count: int | None) -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def whole(arguments: list[str]) -> dict[str, float]:
+COMPILE_FOR = """
+import dic.correlation.kernels.launch
+import explicit.simd.kernel
+for module in (dic.correlation.kernels.launch, explicit.simd.kernel):
+    module.FLAGS = module.FLAGS.replace("-march=native", "-target-cpu {cpu}")
+"""
+"""Code that makes the kernels for a chosen processor."""
+
+
+def whole(arguments: list[str], cpu: str | None) -> dict[str, float]:
     """Processor time of a command and its processes and its wall time [s], of the second of two runs into an
-    empty folder."""
+    empty folder. ``cpu``: processor of the kernels; None: this one."""
     taken = wall = 0.0
+    first = COMPILE_FOR.format(cpu=cpu) if cpu else ""
     for _ in range(2):
         out = tempfile.mkdtemp()
         before, begun = os.times(), time.perf_counter()
-        line = [sys.executable, "-c", "from kolsky.cli import main; main()", *arguments, "--out", out]
+        line = [sys.executable, "-c", f"{first}from kolsky.cli import main; main()", *arguments, "--out", out]
         subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
         after, wall = os.times(), time.perf_counter() - begun
         shutil.rmtree(out)
@@ -263,8 +274,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--pictures", type=Path, help="folder of a shot with pictures and without exports")
     parser.add_argument("--specimen", type=Path, help="file of a test of a whole specimen")
     parser.add_argument("--device", default="cpu", help="of the solver")
+    parser.add_argument("--target-cpu", metavar="NAME", help="processor of the kernels, as LLVM calls it")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args(arguments)
+    if given.target_cpu:
+        exec(COMPILE_FOR.format(cpu=given.target_cpu))
     shot, said = load_shot(given.shot), {}  # type: tuple[Shot, dict[str, Any]]
     units = [unit(given.threads)] if given.device == "cpu" else []
 
@@ -282,7 +296,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(table(part, said[part]), flush=True)
     for part, line in commands(given.pictures, given.specimen, given.device).items():
         with cores(given.threads):
-            add(part, whole(line))
+            add(part, whole(line, given.target_cpu))
     if units:
         print(f"100 runs of 16 x 22 elements: {said['unit']:.2f} s of processor time")
     print(summary(said))
