@@ -10,11 +10,11 @@ Each line gives batches, runs, element updates and processor time of one stage a
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process,
 before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky
 identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start
-and imports included. The second of two runs counts, because the first one may compile. With `--threads N`
-these commands run on N cores of a Linux machine, as the unit does. Two threads of one core would each take
-more processor time. Ratios depend less on the machine than times do; run nothing else at the same time. On a
-GPU (`--device cuda`) the figures are wall times, of the second run of each part. `--target-cpu haswell`
-compiles the kernels without AVX-512, as on a processor that lacks it.
+and imports included. The second of two runs of a part counts, because the first one may compile. With
+`--threads N` these commands run on N cores of a Linux machine, as the unit does. Two threads of one core
+would each take more processor time. Ratios depend less on the machine than times do; run nothing else at the
+same time. On a GPU (`--device cuda`) the figures are wall times. `--target-cpu haswell` compiles the kernels
+without AVX-512, as on a processor that lacks it.
 """
 
 import argparse
@@ -129,8 +129,7 @@ def measure(shot: Shot, part: str, numerics: Numerics) -> dict[str, Any]:
     free = {"stiffness_factor": None} if part == "held" else None
     settings = Settings(free=free, numerics=numerics)
     asked = wrong(shot) if part == "wrong" else shot
-    if numerics.device != "cpu":
-        identify(asked, settings)  # the first run compiles
+    identify(asked, settings)  # the first run may compile
     ledger, started, begun = Ledger(), time.process_time(), time.perf_counter()
     with ledger.watching():
         found = identify(asked, settings, progress=ledger.told)
