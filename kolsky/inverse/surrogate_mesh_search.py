@@ -49,7 +49,7 @@ BEST = 3
 """Number of starts with Poisson's ratio held: the best points of a design."""
 FIRST_STEPS, MOST_STEPS = 4, 8
 """Maximum number of trial points: of each search before the best one is chosen, and of that on each mesh."""
-AT_REST = 1.0
+AT_REST = 0.5
 """A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
 optimum is about ten standard deviations away."""
 MOST_MOVES = 4

@@ -235,8 +235,8 @@ def test_a_corrected_step_is_three_times_as_long_at_most() -> None:
     assert made.visited[:3] == pytest.approx([-9.0, -8.1, -8.1 + 3.0 * 0.81], rel=1e-6)
 
 
-def test_a_run_confirms_when_no_step_is_longer_than_sigma() -> None:
-    for change, confirmed in (([0.99, -1.98], True), ([1.01, 0.0], False), ([0.0, -2.02], False)):
+def test_a_run_confirms_when_no_step_is_longer_than_half_of_sigma() -> None:
+    for change, confirmed in (([0.49, -0.98], True), ([0.51, 0.0], False), ([0.0, -1.02], False)):
         step = Step(np.array(change), np.array([1.0, 2.0]), None)  # type: ignore[arg-type]
         run = RefinedRun(TRUTH, TIME, None, Numerics(), step, TIME)  # type: ignore[arg-type]
         assert run.confirmed is confirmed
