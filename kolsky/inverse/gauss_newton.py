@@ -322,8 +322,8 @@ def _search_on(
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
     last = _chord_steps(runner, objective, slope, start, numerics, pace)
-    if not last.confirmed:
-        last, slope = descend(runner, objective, slope, last)
+    if not last.confirmed or last.numerics != numerics:
+        last, slope = descend(runner, objective, slope, replace(last, numerics=numerics))
     return (last.moved_by_step(slope, runner.problem.box) if last.confirmed else last), slope
 
 
