@@ -82,8 +82,7 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
 
 CONFIRMED = 0.5
 """A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
-moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance. At 1 the rate of a
-camera that is 3 % wrong is found to 0.4 % instead of 0.2 %: a misfit makes the standard deviation large."""
+moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
 LONGER = 3.0
 """Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` it is 1.5."""
 
@@ -322,8 +321,8 @@ def _search_on(
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
     last = _chord_steps(runner, objective, slope, start, numerics, pace)
-    if not last.confirmed or last.numerics != numerics:
-        last, slope = descend(runner, objective, slope, replace(last, numerics=numerics))
+    if not last.confirmed:
+        last, slope = descend(runner, objective, slope, last)
     return (last.moved_by_step(slope, runner.problem.box) if last.confirmed else last), slope
 
 
@@ -357,18 +356,17 @@ def _chord_steps(
 ) -> RefinedRun:
     """Steps on a mesh until a run confirms the optimum.
 
-    The first run, which rarely confirms it, is in single precision if none is chosen.
     With slopes of this mesh the step would change by minus the change of the point. Those of a coarser mesh
     give shorter steps. Broyden's update of this ratio, the ``pace``, corrects them.
     """
     found, x, misled = None, start, 0
     pace = -np.eye(len(start)) if pace is None else pace
     for _ in range(MOST_RUNS):
-        run = judge_run(runner, objective, slope, x, numerics if found else numerics.for_search(), found)
+        run = judge_run(runner, objective, slope, x, numerics, found)
         if found is not None:
             pace = secant(pace, found.step.change, found.x, run.step.sigma, run.step.change, x)
         run = replace(run, pace=pace)
-        if run.confirmed and run.numerics == numerics:
+        if run.confirmed:
             return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
