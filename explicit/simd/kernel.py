@@ -179,7 +179,7 @@ def _translation_file(time_loop: Any, choice: str) -> Path:
 
 @cache
 def _module(time_loop: Any) -> bytes:
-    """Warp's hash of a time loop with its functions, constants and structs. It takes 0.05 s."""
+    """Warp's hash of a time loop with its functions, constants and structs, computed once."""
     return bytes(time_loop.module.hash_module())
 
 
