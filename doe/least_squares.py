@@ -175,6 +175,12 @@ class _Search:
         else:
             self.trial = np.clip(self.u + self._step(self.damping), 0.0, 1.0)
 
+    @property
+    def promised(self) -> float:
+        """Decrease of chi-square by the undamped step of the linear model [-]."""
+        after = self.residual + self.jacobian @ self._step(0.0)
+        return float((self.residual**2).sum() - (after**2).sum())
+
     def _step(self, damping: float) -> FloatArray:
         """The step of the linear model, inside the box and no longer than `LONGEST`, shape [d]."""
         low, high = np.maximum(-self.u, -LONGEST), np.minimum(1.0 - self.u, LONGEST)
@@ -241,6 +247,7 @@ def least_squares(
     step: float = STEP,
     max_steps: int = 40,
     at_rest: float = CONVERGED_STEP,
+    give_up: float = np.inf,
 ) -> tuple[LeastSquaresResult, ...]:
     """Search a box for the response that is nearest to the data, from several starts in parallel.
 
@@ -250,10 +257,11 @@ def least_squares(
     ``starts``: in parameter units, shape [n, d]. ``data``: shape [k]. ``weighting``: weights of the entries
     for a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
     ``max_steps``: largest number of trial points of a search. ``at_rest``: > 0; a search has converged if its
-    next undamped step is shorter than this [standard deviations].
+    next undamped step is shorter than this [standard deviations]. ``give_up``: a search is given up if
+    another one is better by more than this many times the decrease that its next step promises [-].
 
-    Returns one result for each start, smallest deviance first. A search may end by a failed run or by the
-    step limit. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
+    Returns one result for each start, smallest deviance first. A search may end by a failed run, by the step
+    limit, or because another one is much better. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
     ValueError if the runs at all starts failed.
     """
     if not 0.0 < step <= 0.1:
@@ -274,6 +282,10 @@ def least_squares(
             raise ValueError(f"a batch must return shape {(n, len(y))}, got {responses.shape}")
         for search, part in zip(active, np.split(responses, len(active)), strict=True):
             search.take(part)
+        best = min(search.deviance for search in searches)
+        for search in active:
+            if not search.ended and search.deviance - give_up * search.promised > best:
+                search.ended = "another search is better than this one can become"
     if not any(np.isfinite(search.deviance) for search in searches):
         raise ValueError("no search could start: at every start the run, or a neighbouring one, failed")
     return tuple(sorted((search.result() for search in searches), key=lambda found: found.deviance))

@@ -40,6 +40,8 @@ class Step:
     """Step to the optimum of the linear model, inside the box, shape [d]."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
+    noise_sigma: FloatArray
+    """Standard deviation of the optimum from the noise and the prior alone, shape [d]."""
     objective: Objective
 
     @property
@@ -66,7 +68,14 @@ def gauss_newton_step(
     # On a face of the box, one bound is zero. The two bounds must not be equal.
     bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
     found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
-    return Step(np.clip(found, low, high) * sigma, sigma, weighed)
+    return Step(np.clip(found, low, high) * sigma, sigma, _noise_sigma(weighed, slope), weighed)
+
+
+def _noise_sigma(objective: Objective, slope: FloatArray) -> FloatArray:
+    """Standard deviation of the optimum if the residuals had no discrepancy, (J^T C^-1 J + P)^-1, shape [d]."""
+    noisy = replace(objective, force_discrepancy=0.0, shape_discrepancy=0.0, slow_discrepancy=0.0)
+    normal = noisy.information(slope) + noisy.prior_precision(slope.shape[1])
+    return np.sqrt(np.diag(np.linalg.inv(normal)))
 
 
 def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray) -> FloatArray:
@@ -80,9 +89,12 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
     return step + np.linalg.solve(normal, pull)
 
 
-CONFIRMED = 0.5
+CONFIRMED = 1.0
 """A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
 moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
+CONFIRMED_NOISE = 3.5
+"""The step must also be shorter than this many standard deviations of the noise alone. The residuals' standard
+deviation is two to three times as large where the model fits, and more where it does not."""
 LONGER = 3.0
 """Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` it is 1.5."""
 
@@ -106,7 +118,9 @@ class RefinedRun:
     @property
     def confirmed(self) -> bool:
         """True if the run confirms the optimum."""
-        return self.step.moved <= CONFIRMED
+        step = self.step
+        limit = np.minimum(CONFIRMED * step.sigma, CONFIRMED_NOISE * step.noise_sigma)
+        return bool((np.abs(step.change) <= limit).all())
 
     @property
     def corrected_step(self) -> FloatArray:

@@ -117,23 +117,34 @@ ROUNDS = 6
 
 
 def most_likely_discrepancies(
-    residual: FloatArray, n_force: int, *, known: FloatArray, common: FloatArray, slow: FloatArray
+    residual: FloatArray,
+    n_force: int,
+    *,
+    known: FloatArray,
+    common: FloatArray,
+    slow: FloatArray,
+    counts: FloatArray | float = 1.0,
 ) -> tuple[float, float, float]:
-    """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m]."""
+    """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m].
+
+    ``known``: standard deviations of the independent noise, shape [k]. ``common``, ``slow``: rows of common
+    errors, [n, k]. ``counts``: number of independent values that each entry represents [-], as in
+    `Whitening`; equal within a channel. The result minimises ``Whitening.deviance``.
+    """
     square, weight = residual**2, np.ones(len(residual))
     force = shape = amplitude = 0.0
     own = known
     for turn in range(ROUNDS if len(common) + len(slow) else 1):
         if turn:
             every = np.concatenate([common, amplitude * slow])
-            left, variance = residual_without_common(residual, every, own)
+            left, variance = residual_without_common(residual, every, own / np.sqrt(counts))
             square, weight = left**2 + variance, own**-4
         excess = square - known**2
         force = _root_of_mean(excess[:n_force], weight[:n_force])
         shape = _root_of_mean(excess[n_force:], weight[n_force:])
         tau = np.where(np.arange(len(residual)) < n_force, force, shape)
         own = np.sqrt(known**2 + tau**2)
-        amplitude = most_likely_amplitude(residual, slow, Whitening(own, common))
+        amplitude = most_likely_amplitude(residual, slow, Whitening(own / np.sqrt(counts), common))
     return force, shape, amplitude
 
 
@@ -420,7 +431,12 @@ class Objective:
         """The objective with discrepancies from the residual of this vector beyond noise and front face."""
         known = np.sqrt(self.noise**2 + self.pattern_variance)
         force, shape, slow = most_likely_discrepancies(
-            vector - self.data, self.n_force, known=known, common=self.known_common, slow=self.slow_patterns
+            vector - self.data,
+            self.n_force,
+            known=known,
+            common=self.known_common,
+            slow=self.slow_patterns,
+            counts=self.counts,
         )
         found = replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
         for name, value in vars(self).items():

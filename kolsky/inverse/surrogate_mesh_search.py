@@ -52,6 +52,9 @@ FIRST_STEPS, MOST_STEPS = 4, 8
 AT_REST = 0.5
 """A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
 optimum is about ten standard deviations away."""
+GIVE_UP = 10.0
+"""A search is given up if another one is better by more than this many times the decrease its step promises
+[-]. The discrepancies decrease with the residual, so a step gives two to three times what it promises."""
 MOST_MOVES = 4
 """Maximum number of corrections of the front face's path. Patterns are recomputed for each."""
 STILL = 1.0
@@ -222,6 +225,7 @@ def _least_squares_on(
         step=STEP,
         max_steps=steps,
         at_rest=AT_REST,
+        give_up=GIVE_UP,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     many = np.sqrt(objective.points_per_frame)

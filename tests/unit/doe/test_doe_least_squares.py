@@ -340,3 +340,23 @@ def test_an_interval_three_times_longer_than_alone_rests_on_the_others(inflation
     assert x.inflation == pytest.approx(inflation, rel=1e-4)  # the ends' tolerance
     assert ("times longer" in x.text) is leans
     assert [p.name for p in x.partners] == (["y"] if leans else [])
+
+
+@pytest.mark.parametrize(("other", "given_up"), [(9.9, False), (10.1, True)])
+def test_a_search_is_given_up_at_ten_times_its_promise(other: float, given_up: bool) -> None:
+    """The second search is at 1 and promises 1 of its 1 + 16: it can become 16. The first is at 17 - other."""
+    level = np.sqrt(17.0 - other)
+
+    def two(points: FloatArray) -> FloatArray:
+        x = points[:, 0]
+        near = np.stack([0.5 * (x - 10.0), np.full_like(x, 4.0)], axis=1)
+        return np.where((x < 50.0)[:, None], near, np.stack([0.0 * x, np.full_like(x, level)], axis=1))
+
+    found = least_squares(
+        two, Box(("x",), (0.0,), (100.0,)), [[12.0], [60.0]], data=[0.0, 0.0],
+        weighting=lambda residual: Whitening(np.ones_like(residual)), give_up=10.0,
+    )  # fmt: skip
+    left = next(each for each in found if each.x[0] < 50.0)
+    assert (left.steps == 1) is given_up
+    assert left.converged is not given_up
+    assert (left.ended == "another search is better than this one can become") is given_up

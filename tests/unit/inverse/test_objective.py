@@ -91,6 +91,29 @@ def test_discrepancy_is_what_the_noise_does_not_explain() -> None:
     assert found.with_discrepancy(vector).force_discrepancy == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize("points_per_frame", [1, 8])
+def test_discrepancies_minimise_the_deviance_of_balanced_frames_with_common_patterns(
+    points_per_frame: int,
+) -> None:
+    """The patterns explain a part of both channels. Both discrepancies 2 % larger or smaller are worse."""
+    rng = np.random.default_rng(8)
+    n, q = 60, 240
+    patterns = np.concatenate(
+        [2.0 * np.sin(np.outer([3.0, 5.0, 8.0], np.linspace(0.0, 3.0, n))),
+         2e-5 * np.cos(np.outer([2.0, 5.0, 9.0], np.linspace(0.0, 3.0, q)))], axis=1
+    )  # fmt: skip
+    one = objective(np.zeros(n), np.zeros(q), points_per_frame)
+    one = replace(one, balanced=True, front=FrontNoise(patterns))
+    scatter = np.concatenate([1.5 * rng.standard_normal(n), 9e-6 * rng.standard_normal(q)])
+    vector = rng.standard_normal(3) @ patterns + scatter
+    found = one.with_discrepancy(vector)
+    least = found.whitening().deviance(vector)
+    for name in ("force_discrepancy", "shape_discrepancy"):
+        for factor in (0.98, 1.02):
+            other = replace(found, **{name: factor * getattr(found, name)})
+            assert other.whitening().deviance(vector) > least
+
+
 @pytest.mark.parametrize("part", ["joint", "force", "shape"])
 def test_gain_moves_the_optimum_as_a_new_fit_does(part) -> None:
     rng = np.random.default_rng(5)

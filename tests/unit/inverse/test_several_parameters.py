@@ -18,10 +18,11 @@ from kolsky.inverse.gauss_newton import (
     Step,
     _chord_steps,
     _search_on,
+    gauss_newton_step,
     search_by_gauss_newton,
     slopes,
 )
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import Objective, Prior
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath
 from kolsky.inverse.run_table import Runs, RunTable
@@ -233,11 +234,29 @@ def test_a_corrected_step_is_three_times_as_long_at_most() -> None:
     assert made.visited[:3] == pytest.approx([-9.0, -8.1, -8.1 + 3.0 * 0.81], rel=1e-6)
 
 
-def test_a_run_confirms_when_no_step_is_longer_than_half_of_sigma() -> None:
-    for change, confirmed in (([0.49, -0.98], True), ([0.51, 0.0], False), ([0.0, -1.02], False)):
-        step = Step(np.array(change), np.array([1.0, 2.0]), None)  # type: ignore[arg-type]
+def test_a_run_confirms_when_no_step_is_longer_than_sigma_or_three_and_a_half_of_the_noise() -> None:
+    sigma = np.array([1.0, 2.0])
+    for change, noise, confirmed in (
+        ([0.99, -1.98], [1.0, 1.0], True),
+        ([1.01, 0.0], [1.0, 1.0], False),
+        ([0.0, -2.02], [1.0, 1.0], False),
+        ([0.0, -1.04], [1.0, 0.3], True),
+        ([0.0, -1.06], [1.0, 0.3], False),
+    ):
+        step = Step(np.array(change), sigma, np.array(noise), None)  # type: ignore[arg-type]
         run = RefinedRun(TRUTH, TIME, None, Numerics(), step, TIME)  # type: ignore[arg-type]
         assert run.confirmed is confirmed
+
+
+def test_the_noise_of_a_step_leaves_out_the_discrepancies() -> None:
+    """Ten bins of slope 2 with noise 0.3 and a prior of 0.1: 1 / sigma^2 = 10 (2 / 0.3)^2 + 1 / 0.1^2."""
+    prior = Prior(np.zeros(1), np.array([0.1]))
+    one = replace(objective(np.zeros(10), np.empty(0)), prior=prior)
+    vector = 50.0 * one.noise * np.tile([1.0, -1.0], 5)
+    step = gauss_newton_step(one, np.full((10, 1), 2.0), vector, np.zeros(1), Box.of({"damping": (-9.0, 9.0)}))
+    precision = 40.0 / float(one.noise[0]) ** 2 + 100.0
+    assert step.noise_sigma == pytest.approx([precision**-0.5], rel=1e-9)
+    assert step.objective.force_discrepancy > 40.0 * one.noise[0]
 
 
 def test_the_optimum_of_a_linear_force_is_a_corrected_step_from_the_run_that_confirms_it() -> None:
