@@ -3,7 +3,8 @@ all starts.
 
 The steps are Levenberg and Marquardt's. Each is a bounded linear least-squares problem (SciPy's
 `lsq_linear`). Every trial point is run together with its neighbours for central differences. One step of all
-searches therefore costs one batch.
+searches therefore costs one batch. Short steps may use Broyden's update of the slopes instead of neighbours
+(`secant`).
 
 `Whitening` holds the weights of data whose errors are independent except for a few common patterns. The
 covariance is C = D + M' M. D is a diagonal of variances; each row of M is the change of many data by one
@@ -123,11 +124,21 @@ class _Search:
     """One search: its current point and its next trial point."""
 
     def __init__(
-        self, box: Box, u: FloatArray, data: FloatArray, weighting: Weighting, step: float, at_rest: float
+        self,
+        box: Box,
+        u: FloatArray,
+        data: FloatArray,
+        weighting: Weighting,
+        step: float,
+        at_rest: float,
+        short: float,
     ) -> None:
         self.box, self.data, self.weighting, self.step, self.at_rest = box, data, weighting, step, at_rest
+        self.short = short
         self.u, self.trial = u, u
+        self.response = self.slope = np.empty(0)
         self.residual = self.jacobian = np.empty(0)
+        self.with_neighbours = True
         self.deviance, self.damping = np.inf, DAMPING
         self.runs = self.steps = 0
         self.converged, self.ended = False, ""
@@ -139,8 +150,9 @@ class _Search:
         return np.minimum(self.trial + h, 1.0), np.maximum(self.trial - h, 0.0)
 
     def batch(self) -> FloatArray:
-        """The points to run, in parameter units, shape [2 d + 1, d]."""
-        return self.box.scale(np.concatenate([self.trial[None], *self.neighbours]))
+        """The points to run, in parameter units, shape [2 d + 1, d], or [1, d] without neighbours."""
+        points = [self.trial[None], *(self.neighbours if self.with_neighbours else ())]
+        return self.box.scale(np.concatenate(points))
 
     def take(self, responses: FloatArray) -> None:
         """Accept or reject the trial point, and choose the next one."""
@@ -153,21 +165,31 @@ class _Search:
             deviance = float((weighed**2).sum()) + weights.log_determinant
         else:
             deviance = np.inf  # a failed run is rejected; the next step is shorter
+        up, down = self.neighbours
         if deviance < self.deviance:
-            up, down = self.neighbours
-            slope = (responses[1 : d + 1] - responses[d + 1 :]) / (up - down).sum(axis=1)[:, None]
-            self.u, self.deviance = self.trial, deviance
-            self.residual, self.jacobian = weighed, weights.apply(slope).T
+            if self.with_neighbours:
+                self.slope = central_slopes(responses, up, down)
+            else:
+                self.slope = secant(self.slope, self.u, self.response, np.ones(d), self.trial, responses[0])
+            self.u, self.deviance, self.response = self.trial, deviance, responses[0]
+            self.weights, self.residual = weights, weighed
             self.damping = max(0.2 * self.damping, LEAST_DAMPING)
+            self.updated, self.with_neighbours = not self.with_neighbours, False
         elif not np.isfinite(self.deviance):
             self.ended = "the run at the start, or a neighbouring one, failed"
             return
         else:
             self.damping *= 5.0
+            if self.updated and self.with_neighbours and np.isfinite(deviance):
+                self.slope, self.updated = central_slopes(responses, up, down), False
+            self.with_neighbours = True
+        self.jacobian = self.weights.apply(self.slope.T).T
         self._propose()
 
     def _propose(self) -> None:
-        if float(np.linalg.norm(self.jacobian @ self._step(0.0))) <= self.at_rest:
+        length = float(np.linalg.norm(self.jacobian @ self._step(0.0)))
+        self.with_neighbours |= length > self.short
+        if length <= self.at_rest:
             self.converged = True
             self.ended = f"the next step is within {self.at_rest:g} standard deviations"
         elif self.damping > MOST_DAMPING:
@@ -201,6 +223,16 @@ class _Search:
             runs=self.runs,
             steps=self.steps,
         )
+
+
+def central_slopes(responses: FloatArray, up: FloatArray, down: FloatArray) -> FloatArray:
+    """Slopes from the runs at a point, those above it and those below it, [1 + 2 d, k] -> [k, d].
+
+    ``up``, ``down``: the neighbours in the unit box, shape [d, d] each.
+    """
+    d = len(up)
+    difference: FloatArray = responses[1 : d + 1] - responses[d + 1 :]
+    return (difference / (up - down).sum(axis=1)[:, None]).T
 
 
 def bounded_step(
@@ -248,6 +280,7 @@ def least_squares(
     max_steps: int = 40,
     at_rest: float = CONVERGED_STEP,
     give_up: float = np.inf,
+    short: float = 0.0,
 ) -> tuple[LeastSquaresResult, ...]:
     """Search a box for the response that is nearest to the data, from several starts in parallel.
 
@@ -259,6 +292,8 @@ def least_squares(
     ``max_steps``: largest number of trial points of a search. ``at_rest``: > 0; a search has converged if its
     next undamped step is shorter than this [standard deviations]. ``give_up``: a search is given up if
     another one is better by more than this many times the decrease that its next step promises [-].
+    ``short``: after an accepted step, the next one is run without neighbours if it is shorter than this
+    [standard deviations].
 
     Returns one result for each start, smallest deviance first. A search may end by a failed run, by the step
     limit, or because another one is much better. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
@@ -270,7 +305,7 @@ def least_squares(
         raise ValueError(f"at_rest must be > 0 standard deviations, got {at_rest}")
     y = np.asarray(data, dtype=np.float64)
     points = np.clip(box.unit(box.require(starts, what="start")), 0.0, 1.0)
-    searches = [_Search(box, u, y, weighting, step, at_rest) for u in points]
+    searches = [_Search(box, u, y, weighting, step, at_rest, short) for u in points]
     for _ in range(max_steps):
         active = [search for search in searches if not search.ended]
         if not active:
@@ -280,7 +315,8 @@ def least_squares(
         n = sum(len(batch) for batch in batches)
         if responses.shape != (n, len(y)):
             raise ValueError(f"a batch must return shape {(n, len(y))}, got {responses.shape}")
-        for search, part in zip(active, np.split(responses, len(active)), strict=True):
+        ends = np.cumsum([len(batch) for batch in batches])[:-1]
+        for search, part in zip(active, np.split(responses, ends), strict=True):
             search.take(part)
         best = min(search.deviance for search in searches)
         for search in active:

@@ -49,12 +49,15 @@ BEST = 3
 """Number of starts with Poisson's ratio held: the best points of a design."""
 FIRST_STEPS, MOST_STEPS = 4, 8
 """Maximum number of trial points: of each search before the best one is chosen, and of that on each mesh."""
-AT_REST = 0.5
+AT_REST = 1.0
 """A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
 optimum is about ten standard deviations away."""
 GIVE_UP = 10.0
 """A search is given up if another one is better by more than this many times the decrease its step promises
 [-]. The discrepancies decrease with the residual, so a step gives two to three times what it promises."""
+SHORT = 4.0
+"""A step shorter than this uses Broyden's update of the slopes [standard deviations]. The weights still
+change along such steps, the slopes hardly."""
 MOST_MOVES = 4
 """Maximum number of corrections of the front face's path. Patterns are recomputed for each."""
 STILL = 1.0
@@ -226,6 +229,7 @@ def _least_squares_on(
         max_steps=steps,
         at_rest=AT_REST,
         give_up=GIVE_UP,
+        short=SHORT,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     many = np.sqrt(objective.points_per_frame)
