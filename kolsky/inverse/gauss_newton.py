@@ -335,8 +335,8 @@ def _search_on(
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
     last = _chord_steps(runner, objective, slope, start, numerics, pace)
-    if not last.confirmed:
-        last, slope = descend(runner, objective, slope, last)
+    if not last.confirmed or last.numerics != numerics:
+        last, slope = descend(runner, objective, slope, replace(last, numerics=numerics))
     return (last.moved_by_step(slope, runner.problem.box) if last.confirmed else last), slope
 
 
@@ -370,17 +370,18 @@ def _chord_steps(
 ) -> RefinedRun:
     """Steps on a mesh until a run confirms the optimum.
 
+    The first run, which rarely confirms it, is in single precision if none is chosen.
     With slopes of this mesh the step would change by minus the change of the point. Those of a coarser mesh
     give shorter steps. Broyden's update of this ratio, the ``pace``, corrects them.
     """
     found, x, misled = None, start, 0
     pace = -np.eye(len(start)) if pace is None else pace
     for _ in range(MOST_RUNS):
-        run = judge_run(runner, objective, slope, x, numerics, found)
+        run = judge_run(runner, objective, slope, x, numerics if found else numerics.for_search(), found)
         if found is not None:
             pace = secant(pace, found.step.change, found.x, run.step.sigma, run.step.change, x)
         run = replace(run, pace=pace)
-        if run.confirmed:
+        if run.confirmed and run.numerics == numerics:
             return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1

@@ -64,10 +64,10 @@ class Numerics:
         _numerical(
             "Arithmetic of the solver: fp64 or fp32.",
             metavar="CHOICE",
-            show_default="fp64; fp32 on the coarse meshes of a search where nothing slides",
+            show_default="fp64; a search uses fp32 first where nothing slides",
         ),
     ] = None
-    """None: double precision, except on the coarse meshes of a search, see `for_search`."""
+    """None: double precision, except in a search before its last run, see `for_search`."""
     device: Device = "cpu"
     threads: Threads = None
     past_data: Annotated[
@@ -108,10 +108,10 @@ class Numerics:
         return replace(self, element="fbar" if self.element == "one_point" else "one_point")
 
     def for_search(self) -> "Numerics":
-        """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
+        """The same choices for all but the last runs of a search: in single precision, if none is chosen.
 
-        Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
-        surface slides, where single runs jump, nor with a correction for Poisson's ratio.
+        On a coarse mesh its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is
+        not used if a surface slides, where single runs jump, nor with a correction for Poisson's ratio.
         """
         if self.precision is not None or self.compressible is not None:
             return self

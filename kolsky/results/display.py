@@ -88,7 +88,7 @@ RECORDED = {
     "numerics.mesh": Recorded("mesh of the surrogate", between=" × "),
     "numerics.grading": Recorded("mesh of the surrogate, largest over smallest element"),
     "numerics.safety": Recorded("time step over the stable one"),
-    "numerics.precision": Recorded("arithmetic", nothing="fp64; fp32 on coarse meshes of a search"),
+    "numerics.precision": Recorded("arithmetic", nothing="fp64; a search uses fp32 first"),
     "numerics.device": Recorded("device"),
     "numerics.threads": Recorded("threads", nothing="all cores"),
     "numerics.past_data": Recorded("past the quasi-static curve"),

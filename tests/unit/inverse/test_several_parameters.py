@@ -174,6 +174,7 @@ class Bins:
         self.box = Box.of({"damping": (-1e4, 1e4)})
         self.settings = Settings(refined_mesh=FINE)
         self.visited: list[float] = []
+        self.precisions: list[str | None] = []
         self.lost: set[int] = set()
 
     def predicted(self, points: np.ndarray) -> Prediction:
@@ -185,6 +186,7 @@ class Bins:
 
     def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
         self.visited += points[:, 0].tolist()
+        self.precisions.append(numerics.precision)
         gone = len(self.visited) in self.lost
         response = SimpleNamespace(
             completed=np.full(len(points), not gone), select=lambda rows: None, describe=lambda row: "folded"
@@ -264,13 +266,24 @@ def test_the_optimum_of_a_linear_force_is_a_corrected_step_from_the_run_that_con
     made: Any = Bins()
     slope, one = np.full((10, 1), 1.5), objective(np.zeros(10), np.empty(0))
     start, pace = -0.1 * one.noise[:1], np.array([[-1.5]])
-    found, _ = _search_on(made, one, slope, start, made.problem.refined, pace)
+    double = replace(made.problem.refined, precision="fp64")
+    found, _ = _search_on(made, one, slope, start, double, pace)
     assert found.step.moved == pytest.approx(0.1 * np.sqrt(10.0), rel=1e-6)
     assert made.visited == pytest.approx(start)
     np.testing.assert_allclose([*found.x, *found.vector], 0.0, atol=1e-9 * one.noise[0])
     # Inside the box.
     made.box = Box.of({"damping": (-1.0, 0.5 * float(start[0]))})
-    assert _search_on(made, one, slope, start, made.problem.refined, pace)[0].x == 0.5 * start
+    assert _search_on(made, one, slope, start, double, pace)[0].x == 0.5 * start
+
+
+@pytest.mark.parametrize("start", [-9.0, -1e-3])
+def test_the_first_run_is_in_single_precision_and_the_one_that_confirms_in_double(start: float) -> None:
+    made: Any = Bins()
+    one = objective(np.zeros(10), np.empty(0))
+    found = _chord_steps(made, one, np.ones((10, 1)), np.array([start]), made.problem.refined)
+    assert made.visited == pytest.approx([start, 0.0], abs=1e-9)
+    assert found.confirmed
+    assert made.precisions == ["fp32", None]
 
 
 def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:
