@@ -296,8 +296,8 @@ def least_squares(
     [standard deviations].
 
     Returns one result for each start, smallest deviance first. A search may end by a failed run, by the step
-    limit, or because another one is much better. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
-    ValueError if the runs at all starts failed.
+    limit, or because another one is much better. Then `converged` is False, `ended` gives the reason, and the
+    result is its best point. Raises ValueError if the runs at all starts failed.
     """
     if not 0.0 < step <= 0.1:
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")

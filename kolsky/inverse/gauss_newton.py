@@ -72,7 +72,7 @@ def gauss_newton_step(
 
 
 def _noise_sigma(objective: Objective, slope: FloatArray) -> FloatArray:
-    """Standard deviation of the optimum if the residuals had no discrepancy, (J^T C^-1 J + P)^-1, shape [d]."""
+    """Standard deviation of the optimum without discrepancies, from (J^T C^-1 J + P)^-1, shape [d]."""
     noisy = replace(objective, force_discrepancy=0.0, shape_discrepancy=0.0, slow_discrepancy=0.0)
     normal = noisy.information(slope) + noisy.prior_precision(slope.shape[1])
     return np.sqrt(np.diag(np.linalg.inv(normal)))
@@ -93,8 +93,8 @@ CONFIRMED = 1.0
 """A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
 moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
 CONFIRMED_NOISE = 3.5
-"""The step must also be shorter than this many standard deviations of the noise alone. The residuals' standard
-deviation is two to three times as large where the model fits, and more where it does not."""
+"""The step must also be shorter than this many standard deviations of the noise alone. The residuals'
+standard deviation is two to three times as large where the model fits, and more where it does not."""
 LONGER = 3.0
 """Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` it is 1.5."""
 

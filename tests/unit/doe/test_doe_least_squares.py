@@ -344,7 +344,7 @@ def test_an_interval_three_times_longer_than_alone_rests_on_the_others(inflation
 
 @pytest.mark.parametrize(("other", "given_up"), [(9.9, False), (10.1, True)])
 def test_a_search_is_given_up_at_ten_times_its_promise(other: float, given_up: bool) -> None:
-    """The second search is at 1 and promises 1 of its 1 + 16: it can become 16. The first is at 17 - other."""
+    """One search is at 1 + 16 and promises a decrease of 1. The other one is at 17 - other."""
     level = np.sqrt(17.0 - other)
 
     def two(points: FloatArray) -> FloatArray:

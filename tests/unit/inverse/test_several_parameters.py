@@ -255,7 +255,9 @@ def test_the_noise_of_a_step_leaves_out_the_discrepancies() -> None:
     prior = Prior(np.zeros(1), np.array([0.1]))
     one = replace(objective(np.zeros(10), np.empty(0)), prior=prior)
     vector = 50.0 * one.noise * np.tile([1.0, -1.0], 5)
-    step = gauss_newton_step(one, np.full((10, 1), 2.0), vector, np.zeros(1), Box.of({"damping": (-9.0, 9.0)}))
+    step = gauss_newton_step(
+        one, np.full((10, 1), 2.0), vector, np.zeros(1), Box.of({"damping": (-9.0, 9.0)})
+    )
     precision = 40.0 / float(one.noise[0]) ** 2 + 100.0
     assert step.noise_sigma == pytest.approx([precision**-0.5], rel=1e-9)
     assert step.objective.force_discrepancy > 40.0 * one.noise[0]
