@@ -7,7 +7,7 @@ from scipy import optimize
 from scipy.optimize import lsq_linear
 
 from doe import Box, SearchOutcome, nelder_mead
-from doe.least_squares import STEP, Whitening, least_squares
+from doe.least_squares import STEP, Whitening, _Search, least_squares
 from doe.uncertainty import Channel, Likelihood, VerdictKind, profile_likelihoods, verdicts
 
 FloatArray = NDArray[np.float64]
@@ -360,3 +360,45 @@ def test_a_search_is_given_up_at_ten_times_its_promise(other: float, given_up: b
     assert (left.steps == 1) is given_up
     assert left.converged is not given_up
     assert (left.ended == "another search is better than this one can become") is given_up
+
+
+def test_a_short_step_uses_broydens_slopes_until_it_is_rejected() -> None:
+    """A response A u, then two values off this plane: the first one is accepted, the second one is not."""
+    box = Box(("x", "y"), (0.0, 0.0), (1.0, 1.0))
+    A, B = np.array([[3.0, 1.0], [0.5, 2.0]]), np.array([[1.0, -2.0], [0.0, 4.0]])
+    search = _Search(
+        box, np.array([0.6, 0.7]), np.zeros(2), lambda residual: Whitening(np.ones_like(residual)), STEP,
+        1e-9, np.inf,
+    )  # fmt: skip
+    assert len(search.batch()) == 5
+    search.take(search.batch() @ A.T)
+    np.testing.assert_allclose(search.slope, A, rtol=1e-9)
+    before, trial, found = search.u, search.trial, 0.5 * search.response
+    assert len(search.batch()) == 1
+    search.take(found[None])
+    # Broyden's update: right along the step, unchanged across it.
+    step, across = trial - before, np.array([[0.0, -1.0], [1.0, 0.0]]) @ (trial - before)
+    np.testing.assert_allclose(search.slope @ step, found - A @ before, rtol=1e-9)
+    np.testing.assert_allclose(search.slope @ across, A @ across, rtol=1e-9)
+    updated = search.slope
+    assert len(search.batch()) == 1
+    search.take(10.0 * found[None])
+    np.testing.assert_array_equal(search.slope, updated)
+    assert len(search.batch()) == 5
+    search.take(10.0 * found + (search.batch() - search.trial) @ B.T)
+    np.testing.assert_allclose(search.slope, B, rtol=1e-9)
+    np.testing.assert_array_equal(search.u, trial)
+    # The slopes from runs stay when a further trial point is rejected.
+    search.take(10.0 * found + (search.batch() - search.trial) @ A.T)
+    np.testing.assert_allclose(search.slope, B, rtol=1e-9)
+
+
+def test_short_steps_without_neighbours_find_the_same_optimum_with_fewer_runs() -> None:
+    every, few = (
+        least_squares(decay, BOX, [[1.2, 3e-5]], data=NOISY, weighting=constant, short=short, at_rest=1e-3)[0]
+        for short in (0.0, np.inf)
+    )
+    assert every.converged
+    assert few.converged
+    np.testing.assert_allclose(few.x, reference(), rtol=1e-4)  # a step of 1e-3 standard deviations
+    assert few.runs < 0.5 * every.runs
