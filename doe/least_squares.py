@@ -138,7 +138,9 @@ class _Search:
         self.u, self.trial = u, u
         self.response = self.slope = np.empty(0)
         self.residual = self.jacobian = np.empty(0)
-        self.with_neighbours = True
+        self.weights = Whitening(np.ones(len(data)))
+        # Whether the trial point has neighbours, and whether the slopes are Broyden's.
+        self.with_neighbours, self.updated = True, False
         self.deviance, self.damping = np.inf, DAMPING
         self.runs = self.steps = 0
         self.converged, self.ended = False, ""
@@ -198,7 +200,7 @@ class _Search:
             self.trial = np.clip(self.u + self._step(self.damping), 0.0, 1.0)
 
     @property
-    def promised(self) -> float:
+    def predicted_decrease(self) -> float:
         """Decrease of chi-square by the undamped step of the linear model [-]."""
         after = self.residual + self.jacobian @ self._step(0.0)
         return float((self.residual**2).sum() - (after**2).sum())
@@ -291,9 +293,9 @@ def least_squares(
     for a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
     ``max_steps``: largest number of trial points of a search. ``at_rest``: > 0; a search has converged if its
     next undamped step is shorter than this [standard deviations]. ``give_up``: a search is given up if
-    another one is better by more than this many times the decrease that its next step promises [-].
+    another one is better by more than this many times the predicted decrease of its next step [-], > 0.
     ``short``: after an accepted step, the next one is run without neighbours if it is shorter than this
-    [standard deviations].
+    [standard deviations], >= 0.
 
     Returns one result for each start, smallest deviance first. A search may end by a failed run, by the step
     limit, or because another one is much better. Then `converged` is False, `ended` gives the reason, and the
@@ -303,6 +305,10 @@ def least_squares(
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")
     if not at_rest > 0.0:
         raise ValueError(f"at_rest must be > 0 standard deviations, got {at_rest}")
+    if not give_up > 0.0:
+        raise ValueError(f"give_up must be > 0 predicted decreases, got {give_up}")
+    if not short >= 0.0:
+        raise ValueError(f"short must be >= 0 standard deviations, got {short}")
     y = np.asarray(data, dtype=np.float64)
     points = np.clip(box.unit(box.require(starts, what="start")), 0.0, 1.0)
     searches = [_Search(box, u, y, weighting, step, at_rest, short) for u in points]
@@ -320,7 +326,7 @@ def least_squares(
             search.take(part)
         best = min(search.deviance for search in searches)
         for search in active:
-            if not search.ended and search.deviance - give_up * search.promised > best:
+            if not search.ended and search.deviance - give_up * search.predicted_decrease > best:
                 search.ended = "another search is better than this one can become"
     if not any(np.isfinite(search.deviance) for search in searches):
         raise ValueError("no search could start: at every start the run, or a neighbouring one, failed")

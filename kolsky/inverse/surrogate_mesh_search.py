@@ -53,11 +53,12 @@ AT_REST = 1.0
 """A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
 optimum is about ten standard deviations away."""
 GIVE_UP = 10.0
-"""A search is given up if another one is better by more than this many times the decrease its step promises
-[-]. The discrepancies decrease with the residual, so a step gives two to three times what it promises."""
+"""A search is given up if another one is better by more than this many times the predicted decrease of its
+step [-]. The discrepancies decrease with the residual, so a step lowers -2 ln L by two to three times the
+prediction."""
 SHORT = 4.0
 """A step shorter than this uses Broyden's update of the slopes [standard deviations]. The weights still
-change along such steps, the slopes hardly."""
+change along such steps; the slopes change little."""
 MOST_MOVES = 4
 """Maximum number of corrections of the front face's path. Patterns are recomputed for each."""
 STILL = 1.0

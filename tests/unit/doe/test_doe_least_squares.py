@@ -343,8 +343,8 @@ def test_an_interval_three_times_longer_than_alone_rests_on_the_others(inflation
 
 
 @pytest.mark.parametrize(("other", "given_up"), [(9.9, False), (10.1, True)])
-def test_a_search_is_given_up_at_ten_times_its_promise(other: float, given_up: bool) -> None:
-    """One search is at 1 + 16 and promises a decrease of 1. The other one is at 17 - other."""
+def test_a_search_is_given_up_at_ten_times_its_predicted_decrease(other: float, given_up: bool) -> None:
+    """One search is at 1 + 16 with a predicted decrease of 1. The other one is at 17 - other."""
     level = np.sqrt(17.0 - other)
 
     def two(points: FloatArray) -> FloatArray:
@@ -402,3 +402,9 @@ def test_short_steps_without_neighbours_find_the_same_optimum_with_fewer_runs() 
     assert few.converged
     np.testing.assert_allclose(few.x, reference(), rtol=1e-4)  # a step of 1e-3 standard deviations
     assert few.runs < 0.5 * every.runs
+
+
+@pytest.mark.parametrize(("name", "value"), [("give_up", 0.0), ("give_up", np.nan), ("short", -1.0)])
+def test_limits_of_a_search_are_refused_with_their_range(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be >=? 0 .*, got {value}"):
+        least_squares(decay, BOX, [TRUTH], data=NOISY, weighting=constant, **{name: value})

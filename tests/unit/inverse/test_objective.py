@@ -95,7 +95,8 @@ def test_discrepancy_is_what_the_noise_does_not_explain() -> None:
 def test_discrepancies_minimise_the_deviance_of_balanced_frames_with_common_patterns(
     points_per_frame: int,
 ) -> None:
-    """The patterns explain a part of both channels. Both discrepancies 2 % larger or smaller are worse."""
+    """Patterns and a slow error of the outline explain a part. Each discrepancy 2 % larger or smaller is
+    worse."""
     rng = np.random.default_rng(8)
     n, q = 60, 240
     patterns = np.concatenate(
@@ -103,12 +104,14 @@ def test_discrepancies_minimise_the_deviance_of_balanced_frames_with_common_patt
          2e-5 * np.cos(np.outer([2.0, 5.0, 9.0], np.linspace(0.0, 3.0, q)))], axis=1
     )  # fmt: skip
     one = objective(np.zeros(n), np.zeros(q), points_per_frame)
-    one = replace(one, balanced=True, front=FrontNoise(patterns))
+    one = replace(one, balanced=True, slowly=True, front=FrontNoise(patterns))
     scatter = np.concatenate([1.5 * rng.standard_normal(n), 9e-6 * rng.standard_normal(q)])
     vector = rng.standard_normal(3) @ patterns + scatter
+    vector += 4e-5 * rng.standard_normal(len(one.slow_patterns)) @ one.slow_patterns
     found = one.with_discrepancy(vector)
     least = found.whitening().deviance(vector)
-    for name in ("force_discrepancy", "shape_discrepancy"):
+    for name in ("force_discrepancy", "shape_discrepancy", "slow_discrepancy"):
+        assert getattr(found, name) > 0.0
         for factor in (0.98, 1.02):
             other = replace(found, **{name: factor * getattr(found, name)})
             assert other.whitening().deviance(vector) > least
