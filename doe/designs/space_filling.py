@@ -84,10 +84,19 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
     """
     n = count_of(n)
     seed = seed_of(rng)
-    swaps = "random-cd" if optimise else None
-    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, optimization=swaps, rng=seed)
+    if optimise:
+        sampler = scipy.stats.qmc.LatinHypercube(box.dimension, optimization="random-cd", rng=seed)
+        unit_points = sampler.random(n)
+    else:
+        unit_points = _in_slices(box, n, np.random.default_rng(seed))
     settings = {"n": n, "optimise": optimise, "rng": seed}
-    return Design(box.scale(sampler.random(n)), box, "latin_hypercube", settings)
+    return Design(box.scale(unit_points), box, "latin_hypercube", settings)
+
+
+def _in_slices(box: Box, n: int, generator: np.random.Generator) -> FloatArray:
+    """Random points of the unit box, in every parameter one in each of n equal slices, shape [n, d]."""
+    slices = generator.permuted(np.tile(np.arange(n), (box.dimension, 1)), axis=1).T
+    return np.asarray((slices + generator.random(slices.shape)) / n)
 
 
 def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
@@ -162,8 +171,8 @@ def maximin(box: Box, n: int, *, rng: Rng) -> Design:
     points in the unit box is the largest.
     """
     n, seed = count_of(n), seed_of(rng)
-    sampler = scipy.stats.qmc.LatinHypercube(box.dimension, rng=seed)
-    best = max((sampler.random(n) for _ in range(TRIES)), key=_nearest)
+    generator = np.random.default_rng(seed)
+    best = max((_in_slices(box, n, generator) for _ in range(TRIES)), key=_nearest)
     return Design(box.scale(best), box, "maximin", {"n": n, "tries": TRIES, "rng": seed})
 
 

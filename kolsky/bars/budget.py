@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
+from scipy.special import stdtrit
 
 from dic.basics import check_interval
 from kolsky.bars.records import BudgetTable, Contribution, History, Quantity
@@ -120,9 +121,7 @@ class Budget:
         """
         check_interval("(0, 1)", probability=probability)
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
-        from scipy.stats import t as student  # heavy
-
-        return np.asarray(student.ppf(0.5 + 0.5 * probability, nu))
+        return np.asarray(stdtrit(nu, 0.5 + 0.5 * probability))
 
     def history(self, output: str, unit: str) -> History:
         """An output with its combined standard uncertainty."""

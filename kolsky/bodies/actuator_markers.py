@@ -19,8 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
@@ -68,7 +67,7 @@ class MarkerComparison:
     def explained(self) -> bool:
         """True if noise of `sigma` explains the distances."""
         square = float(((self.measured - self.simulated) ** 2).sum()) / self.sigma**2
-        return square <= float(chi2_law.ppf(EXPLAINED, self.measured.size))
+        return square <= float(chdtri(self.measured.size, 1.0 - EXPLAINED))
 
     @property
     def measured_angle(self) -> float:
@@ -97,7 +96,7 @@ class StiffnessFit:
     @property
     def explained(self) -> bool:
         """True if noise explains the residual."""
-        return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
+        return self.chi2 <= float(chdtri(self.degrees, 1.0 - EXPLAINED))
 
 
 def marker_weights(x: FloatArray, count: int = COUNT) -> FloatArray:
@@ -133,7 +132,7 @@ def interval(
     degrees = left.size - 1
     square = float((left**2).sum()) / sigma**2
     deviation = sigma * max(1.0, np.sqrt(square / degrees)) / float(np.linalg.norm(J))
-    half = float(student.ppf(0.975, degrees)) * deviation
+    half = float(stdtrit(degrees, 0.975)) * deviation
     return StiffnessFit(factor, deviation, factor - half, factor + half, square, degrees, converged)
 
 

@@ -23,9 +23,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc, stdtrit
 from scipy.stats import qmc
-from scipy.stats import t as student
 
 from dic.views import ResultViews
 from doe.information import SingularInformationError, inverse_information
@@ -171,8 +170,8 @@ def intervals(
             covariance[np.ix_(free, free)] = scale * inverse
         except SingularInformationError:
             covariance[:] = np.nan
-    factor = float(student.ppf(0.5 + 0.5 * LEVEL, degrees))
-    probability = float(chi2_distribution.sf(chi2, degrees))
+    factor = float(stdtrit(degrees, 0.5 + 0.5 * LEVEL))
+    probability = float(chdtrc(degrees, chi2))
 
     def estimate(j: int) -> ConstantEstimate:
         value = float(values[j])
@@ -423,7 +422,7 @@ def _test_fit(
     force = response.force - np.einsum("nij,nj->ni", response.by_displacement, moved)
     slopes = response.by_constants
     variance = np.einsum("nip,pq,niq->ni", slopes, np.nan_to_num(uncertainty.covariance), slopes)
-    factor = float(student.ppf(0.5 + 0.5 * LEVEL, uncertainty.degrees))
+    factor = float(stdtrit(uncertainty.degrees, 0.5 + 0.5 * LEVEL))
     return TestFit(test, x, force, factor * np.sqrt(np.maximum(variance, 0.0)), fitted)
 
 

@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from doe import Box, from_points, latin_hypercube
+from doe import Box, from_points
+from doe.designs import maximin
 from doe.least_squares import secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
@@ -403,11 +404,7 @@ def _with_surrogate(
     upper = np.minimum(last.x + REACH * sigma, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
     many = RUNS_PER_PARAMETER * box.dimension
-    design = (
-        runner.design(box)
-        if box.dimension == 1
-        else latin_hypercube(box, many, rng=runner.rng, optimise=True)
-    )
+    design = runner.design(box) if box.dimension == 1 else maximin(box, many, rng=runner.rng)
     runs = runner.simulate("refinement", design, numerics)
     counted = last.step.objective.counted & last.check.prediction.inside[0]
     objective = replace(last.step.objective, counted=counted & runs.prediction.inside.all(axis=0))

@@ -26,8 +26,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, ndtri, stdtrit
 
 from dic.basics import check_interval, check_shape
 from kolsky.base.arrays import FloatArray
@@ -307,7 +306,7 @@ def student_factor(freedom: int) -> float:
     """Widening of a standard uncertainty with few degrees of freedom: t_p(nu) / k at k's p."""
     if freedom < 1:
         raise ValueError(f"a scatter needs at least 1 degree of freedom, got {freedom}")
-    return float(student.ppf(norm.cdf(COVERAGE), freedom)) / COVERAGE
+    return float(stdtrit(freedom, ndtr(COVERAGE))) / COVERAGE
 
 
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
@@ -364,7 +363,7 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
     share = right[apart] / (left + right)[apart]
     gap = y[1:-1][apart] - share * y[:-2][apart] - (1.0 - share) * y[2:][apart]
     gap = gap / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-    return float(np.median(np.abs(gap)) / norm.ppf(0.75))
+    return float(np.median(np.abs(gap)) / ndtri(0.75))
 
 
 def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:

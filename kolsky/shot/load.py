@@ -400,12 +400,11 @@ def load_bar_driven(source: Source) -> Shot:
 
     Raises InputError for a missing or damaged file, a wrong declaration, or signals of another test.
     """
-    from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
+    from kolsky.bars.reduction.analyse import analyse  # both for shots with bars only
+    from kolsky.shot.bars import load_waves
 
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)
-    from kolsky.shot.bars import load_waves  # for shots with bars only
-
     given = load_waves(file)
     if declared.window.start is not None:
         message = "has no effect where bar waves drive the test: it begins with their arrival"

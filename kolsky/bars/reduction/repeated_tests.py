@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from dic.basics import check_interval, check_shape
 from dic.views import ResultViews
@@ -62,7 +62,7 @@ class RepeatedTests(ResultViews):
     def band(self) -> tuple[FloatArray, FloatArray]:
         """Confidence band of the mean, 95 %, pointwise: mean -+ t u [Pa], shape [n] both ends."""
         u, nu = self.combined()
-        half = student.ppf(0.975, nu) * u
+        half = stdtrit(nu, 0.975) * u
         return self.mean - half, self.mean + half
 
 

@@ -9,7 +9,7 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
+from scipy.special import stdtrit
 
 from dic.basics import check_shape
 from kolsky.bars.records import Quantity

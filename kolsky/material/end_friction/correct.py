@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
@@ -433,7 +433,7 @@ def range_drift(
         change = -inverse @ own.T @ residual[:rows]
         variance = excess * (inverse - whole)
         beyond = np.sqrt(np.maximum(change**2 - DRIFT_COVERAGE**2 * np.diag(variance), 0.0))
-        probability = float(chi2_distribution.sf(change @ np.linalg.pinv(variance) @ change, n))
+        probability = float(chdtrc(n, change @ np.linalg.pinv(variance) @ change))
         found = replace(found, excess=np.maximum(found.excess, beyond))
         if probability < found.probability:
             found = replace(found, probability=probability, rows=rows, change=change)

@@ -10,9 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import ndtr
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtrc, chdtri, ndtr, stdtrit
 
 from kolsky.base.arrays import FloatArray
 
@@ -63,7 +61,7 @@ class MixedFit:
 
     def interval(self, index: int, probability: float = 0.95) -> tuple[float, float]:
         """Interval of a coefficient by Student's t with Knapp and Hartung's variance, Eq. (S.6)."""
-        half = float(student.ppf(0.5 + 0.5 * probability, self.effective_freedom(index))) * self.sigma(index)
+        half = float(stdtrit(self.effective_freedom(index), 0.5 + 0.5 * probability)) * self.sigma(index)
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
 
     def noticeable(self, index: int) -> float:
@@ -74,9 +72,9 @@ class MixedFit:
         uncertainty.
         """
         freedom = min(self.effective_freedom(index), MOST_FREEDOM)
-        limit = float(student.ppf(0.975, freedom))
+        limit = float(stdtrit(freedom, 0.975))
         levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
-        ends = limit * np.sqrt(chi2.ppf(levels, freedom) / freedom)
+        ends = limit * np.sqrt(chdtri(freedom, 1.0 - levels) / freedom)
 
         def excess(size: float) -> float:
             return float(np.mean(ndtr(size - ends) + ndtr(-size - ends))) - POWER
@@ -179,12 +177,12 @@ class Pooled:
     @property
     def probability(self) -> float:
         """Probability of at least this Q if the shots differ only by their independent uncertainties."""
-        return float(chi2.sf(self.fit.q, self.fit.freedom))
+        return float(chdtrc(self.fit.freedom, self.fit.q))
 
     @property
     def prediction(self) -> tuple[float, float]:
         """The 95 % prediction interval of one more shot, Eq. (S.7). It is wider than that of the mean."""
-        half = float(student.ppf(0.975, self.fit.freedom)) * float(np.hypot(self.fit.between, self.sigma))
+        half = float(stdtrit(self.fit.freedom, 0.975)) * float(np.hypot(self.fit.between, self.sigma))
         return self.mean - half, self.mean + half
 
 
@@ -288,7 +286,7 @@ class Slope:
         columns = np.column_stack([np.ones(np.size(log_rates)), log_rates - np.log10(self.reference)])
         own = np.einsum("ip,pq,iq->i", columns, self.fit.covariance * max(1.0, self.fit.scale), columns)
         both = own + np.einsum("ip,pq,iq->i", columns, self.fit.common, columns)
-        half = student.ppf(0.975, self.fit.freedom * (both / own) ** 2) * np.sqrt(both)
+        half = stdtrit(self.fit.freedom * (both / own) ** 2, 0.975) * np.sqrt(both)
         middle = columns @ self.fit.coefficients
         return middle - half, middle + half
 

@@ -12,6 +12,8 @@ from synthetic_dic import synthetic_result
 from dic import PointOutcome, SurfaceHistory, centre_line
 from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
 from dic.correlation import subsets as warps
+from dic.correlation.kernels import launch
+from dic.correlation.kernels import search as search_source
 from dic.correlation.subsets import overlap_correlation
 from dic.surfaces.outline import outline, rows_of
 from dic.surfaces.surface_history import noise_floor
@@ -93,6 +95,27 @@ def test_affine_motion_in_closed_form():
     np.testing.assert_allclose(found.warp[:, :2], true[:, :2], atol=3e-3)
     np.testing.assert_allclose(found.warp[:, 2:6], true[:, 2:6], atol=6e-4)
     assert np.abs(found.warp[:, :2] - true[:, :2]).mean() < 1e-3
+
+
+def test_steps_of_a_slow_search_are_lengthened(monkeypatch):
+    """Noise of 30 grey levels makes the steps shrink by some 0.4 instead of 0.05."""
+    noise = 30.0 * np.random.default_rng(3).normal(size=(SIDE, SIDE))
+    picture = stack(moved(np.eye(2), np.array([0.4, -0.3])) + noise, 30.0)
+    points = grid(40, 90, 6)
+    settings = Correlation(shape=Shape.QUADRATIC, tolerance=1e-5, max_iterations=100)
+    found = {}
+    for slowest in (search_source.SLOWEST, 0.0):
+        monkeypatch.setattr(search_source, "SLOWEST", slowest)
+        launch.search_kernel.cache_clear()
+        start = total(np.eye(2), np.array([0.9, 0.2]), points)
+        found[slowest] = correlate(stack(still()), picture, points, start, settings)
+    launch.search_kernel.cache_clear()
+    series, plain = found.values()
+    both = (series.outcome == PointOutcome.VALID) & (plain.outcome == PointOutcome.VALID)
+    assert both.mean() > 0.8
+    assert series.iterations[both].mean() < 0.9 * plain.iterations[both].mean()  # 0.8 was measured
+    # Steps that shrink by up to 0.9 leave ten times the tolerance.
+    np.testing.assert_allclose(series.warp[both, :2], plain.warp[both, :2], atol=1e-4)
 
 
 def test_quadratic_motion_in_closed_form():

@@ -260,7 +260,7 @@ def locate(surrogate: ProcessSurrogate, region: Box, start: FloatArray) -> tuple
 
 
 def refined(run=model, box: Box = REFINE_BOX, **options: int) -> Refinement:
-    points = latin_hypercube(box, 16, rng=3).points
+    points = latin_hypercube(box, 16, rng=3, optimise=True).points
     return refine(run, box, points, run(points), misfit=misfit, locate=locate, scale=REFINE_SIGMA, **options)
 
 
