@@ -42,7 +42,7 @@ class Switch:
     words: str
     """Description of the missing mechanism."""
     target: str = ""
-    """Name within kolsky of the object that is replaced."""
+    """Dotted name of the object that is replaced."""
     value: Any = None
     """Its replacement."""
     settings: Callable[[Settings], Settings] = lambda settings: settings
@@ -50,7 +50,7 @@ class Switch:
 
     def off(self) -> AbstractContextManager[Any]:
         """Context in which the mechanism is off."""
-        return patch(f"kolsky.{self.target}", self.value) if self.target else nullcontext()
+        return patch(self.target, self.value) if self.target else nullcontext()
 
 
 def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) -> Any:
@@ -89,50 +89,63 @@ def _meshes(mesh: Mesh | None = None, refined: Mesh | None = None) -> Callable[[
 OF_SEARCH = {
     "all": Switch("nothing"),
     "one_floor": Switch(
-        "all valley floors but the likeliest", "inverse.valleys.LIKELY", {"balanced": 1, "force": 0}
+        "all valley floors but the likeliest", "kolsky.inverse.valleys.LIKELY", {"balanced": 1, "force": 0}
     ),
     "balanced": Switch(
         "a frame's points as one value on coarse meshes",
-        "inverse.surrogate_mesh_search.starts",
+        "kolsky.inverse.surrogate_mesh_search.starts",
         _with_every_point,
     ),
     "path_noise_of_valleys": Switch(
         "the flyer's noise when valleys are compared",
-        "inverse.valleys.deviance_with_path_noise",
+        "kolsky.inverse.valleys.deviance_with_path_noise",
         _without_path_noise,
     ),
     "path_on_coarse": Switch(
         "the path's correction on the surrogate's mesh",
-        "inverse.surrogate_mesh_search.credible",
+        "kolsky.inverse.surrogate_mesh_search.credible",
         lambda amplitudes: False,
     ),
     "path_on_refined": Switch(
-        "the path's correction on the mesh of the steps", "inverse.gauss_newton.follow_on_refined", _unmoved
+        "the path's correction on the mesh of the steps",
+        "kolsky.inverse.gauss_newton.follow_on_refined",
+        _unmoved,
     ),
-    "half_patterns": Switch("half of the patterns of the path's noise", "inverse.runner.PATTERNS", 8),
+    "half_patterns": Switch("half of the patterns of the path's noise", "kolsky.inverse.runner.PATTERNS", 8),
     "single_precision": Switch(
         "single precision on coarse meshes",
         settings=lambda one: replace(one, numerics=replace(one.numerics, precision="fp64")),
     ),
+    "short_steps": Switch(
+        "Broyden's slopes of short steps", "kolsky.inverse.surrogate_mesh_search.SHORT", 0.0
+    ),
+    "given_up": Switch(
+        "giving up searches without prospect", "kolsky.inverse.surrogate_mesh_search.GIVE_UP", np.inf
+    ),
+    "noise_limit": Switch(
+        "the noise's limit of a confirming step", "kolsky.inverse.gauss_newton.CONFIRMED_NOISE", np.inf
+    ),
     "discrepancy": Switch(
         "the discrepancies in the weights",
-        "inverse.objective.Objective.with_discrepancy",
+        "kolsky.inverse.objective.Objective.with_discrepancy",
         lambda self, vector: self,
     ),
     "halfway": Switch(
         "the coarser graded mesh: all steps on the refined one",
-        "inverse.problem.InverseProblem.halfway",
+        "kolsky.inverse.problem.InverseProblem.halfway",
         property(lambda self: self.refined),
     ),
     "half_surrogate": Switch(
-        "half of the runs of the surrogate about the answer", "inverse.gauss_newton.RUNS_PER_PARAMETER", 3
+        "half of the runs of the surrogate about the answer",
+        "kolsky.inverse.gauss_newton.RUNS_PER_PARAMETER",
+        3,
     ),
     "half_replicates": Switch(
         "half of the curve's draws", settings=lambda settings: replace(settings, replicates=16)
     ),
     "mesh_correction": Switch(
         "the mesh's correction of the answer",
-        "uncertainty.mesh_error.MeshChange.correction",
+        "kolsky.uncertainty.mesh_error.MeshChange.correction",
         lambda self, gain: np.zeros(len(gain)),
     ),
     "coarser_refined": Switch("a refined mesh of 48 x 64: 40 x 54", settings=_meshes(refined=(40, 54))),
@@ -149,35 +162,47 @@ OF_DIAGNOSIS = {
     "nothing_of_diagnosis": Switch("nothing"),
     "screen": Switch(
         "the coarser mesh for large changes",
-        "diagnosis.cause_model.CauseModel.screen",
+        "kolsky.diagnosis.cause_model.CauseModel.screen",
         property(lambda self: self),
     ),
-    "large_changes": Switch("large changes of an input", "diagnosis.causes.scan_inputs", lambda *_: []),
+    "large_changes": Switch(
+        "large changes of an input", "kolsky.diagnosis.causes.scan_inputs", lambda *_: []
+    ),
     "freed_poisson": Switch(
         "the search of the valleys of a held Poisson's ratio",
-        "diagnosis.causes._freed_poisson",
+        "kolsky.diagnosis.causes._freed_poisson",
         lambda *_: [],
     ),
     "contenders": Switch(
-        "runs on the refined mesh for inputs that are alike", "diagnosis.causes._contenders", lambda *_: []
+        "runs on the refined mesh for inputs that are alike",
+        "kolsky.diagnosis.causes._contenders",
+        lambda *_: [],
     ),
-    "second_start": Switch("the second start", "inverse.search.Search.held_run", lambda self: None),
+    "second_start": Switch("the second start", "kolsky.inverse.search.Search.held_run", lambda self: None),
     "beside_leading": Switch(
         "a second wrong input beside the first",
-        "diagnosis.causes._search_beside_leading",
+        "kolsky.diagnosis.causes._search_beside_leading",
         lambda first, judge, findings, rest: findings,
     ),
     "suspects": Switch(
-        "suspects of an explained answer", "diagnosis.causes.with_suspects", lambda causes, *_: tuple(causes)
+        "suspects of an explained answer",
+        "kolsky.diagnosis.causes.with_suspects",
+        lambda causes, *_: tuple(causes),
     ),
     "leading": Switch(
         "leading inputs of a withheld answer",
-        "diagnosis.causes.with_leading",
+        "kolsky.diagnosis.causes.with_leading",
         lambda causes, at_bound: tuple(causes),
     ),
 }
 """Switches that are tested on wrong inputs."""
-SWITCHES = OF_SEARCH | OF_DIAGNOSIS
+OF_PICTURES = {
+    "slow_correlations": Switch(
+        "longer steps of slow correlations", "dic.correlation.kernels.search.SLOWEST", 0.0
+    )
+}
+"""Switches that are tested on pictures, by `populations.forty --off`."""
+SWITCHES = OF_SEARCH | OF_DIAGNOSIS | OF_PICTURES
 
 
 def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from kolsky.base.files import write_table
 from kolsky.cli.texts import whole_numbers
 from kolsky.virtual.make import TRUTH, make
 from kolsky.virtual.specification import Series
+from populations.ablation import OF_PICTURES
 from populations.driver import add_meshes, command, mesh, population, results
 from populations.driver import write as write_json
 from populations.forty_shots import KINDS, RIGHT, Answer, Study, available, one, shares
@@ -190,6 +191,9 @@ def main() -> None:
         "--true-inputs", action="store_true", help="declare the inputs that a laboratory measures as they are"
     )
     parser.add_argument("--no-cures", action="store_true", help="leave refused shots alone")
+    parser.add_argument(
+        "--off", choices=("all", *OF_PICTURES), default="all", help="mechanism that is switched off"
+    )
     parser.add_argument("--truth-mesh", type=mesh, metavar="96x129")
     parser.add_argument("--threads", type=int, default=None)
     given = parser.parse_args()

@@ -18,6 +18,7 @@ from kolsky.base.process import WORKER
 from kolsky.identification import identify
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import TRUTH
+from populations.ablation import SWITCHES
 from populations.driver import ShotStudy, settings, write
 from populations.forty_cures import CURES, FINER_MESH, true_inputs
 
@@ -44,6 +45,8 @@ class Study(ShotStudy):
     cures: bool = True
     true_inputs: bool = False
     """Whether the true length, diameter, density and sensitivity of a shot are declared."""
+    off: str = "all"
+    """Mechanism that is switched off, a name of `populations.ablation.OF_PICTURES`; "all": none."""
     cores: tuple[tuple[int, ...], ...] = ()
     """Cores of each worker; empty: all cores of the machine."""
 
@@ -173,9 +176,10 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
     truth = float(json.loads((folder / TRUTH).read_text("utf-8"))["m"])
     started, seen = time.perf_counter(), 0.0
     try:
-        shot = load_shot(folder)
-        seen = time.perf_counter() - started
-        found = identify(shot, settings(study))
+        with SWITCHES[study.off].off():
+            shot = load_shot(folder)
+            seen = time.perf_counter() - started
+            found = identify(shot, settings(study))
     except (InputError, ValueError, RuntimeError) as error:
         verdict = "refused" if said_on_purpose(error) else "fault"
         seconds = time.perf_counter() - started

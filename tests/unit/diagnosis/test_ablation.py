@@ -23,11 +23,11 @@ def test_a_switch_replaces_what_the_program_uses_and_puts_it_back(name: str) -> 
         raise AssertionError(target)
 
     switch = SWITCHES[name]
-    before = now(f"kolsky.{switch.target}")
+    before = now(switch.target)
     with switch.off():
-        assert now(f"kolsky.{switch.target}") is switch.value
+        assert now(switch.target) is switch.value
         assert before is not switch.value
-    assert now(f"kolsky.{switch.target}") == before
+    assert now(switch.target) == before
 
 
 def right(shot: str, switch: str, m: float, identified: bool = True) -> dict[str, Any]:
