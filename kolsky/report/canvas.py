@@ -49,7 +49,7 @@ PLACES: tuple[_Place, ...] = get_args(_Place)
 ROOM, MOST_ROOM = 0.1, 0.8
 """If no position is free, the y axis is extended upward in steps. The first number is the step, the second
 the limit, both as shares of its range."""
-TOUCH = 0.25
+TOUCH = 0.5
 """Boxes with a smaller overlap count as adjacent [px]."""
 
 
@@ -252,21 +252,24 @@ _ON_PAGE = 350.0
 """Resolution of pictures inside the figures of a page [dots per inch]. It is that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _DPI = 72
-"""Resolution of a layout. It is that of an SVG file [dots per inch]."""
+"""Resolution of an SVG file [dots per inch]."""
 
 
 class _Renderer(RendererSVG):
-    """Draws an SVG. Texts have the same sizes in the layout and in the drawing, and are measured once."""
+    """Draws an SVG, and measures texts for a layout in any resolution. Each text is measured once."""
 
     def __init__(self, figure: Figure) -> None:
-        self.target = io.StringIO()
+        self.figure, self.target = figure, io.StringIO()
         width, height = _DPI * figure.get_size_inches()
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
         super().__init__(width, height, self.target, image_dpi=_ON_PAGE, metadata=nothing)
         self._text2path = text_to_path  # its parser keeps the formulas; there is no public way to set it
 
     def get_text_width_height_descent(self, s: str, prop: FontProperties, ismath: Any) -> Any:
-        return _text_size(s, prop.copy(), ismath)
+        return tuple(map(self.points_to_pixels, _text_size(s, prop.copy(), ismath)))
+
+    def points_to_pixels(self, points: Any) -> Any:
+        return points * self.figure.dpi / _DPI
 
 
 @lru_cache(4096)
@@ -311,7 +314,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     """Draw one figure of a result to which it applies, in its journal size; its label is its caption."""
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
-        figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+        figure = Figure(figsize=size, layout="constrained")
         _Canvas(figure)
         drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
         figure.set_label(kind.draw_into(figure, drawn))
@@ -384,10 +387,12 @@ def inline_svg(figure: Figure, name: str) -> str:
     """
     with matplotlib.rc_context(_style()):
         width, height = figure.get_size_inches()
+        before, figure.dpi = figure.dpi, _DPI
         vectors = _Renderer(figure)
         renderer = MixedModeRenderer(figure, width, height, _ON_PAGE, vectors)
         figure.draw(renderer)  # type: ignore[arg-type]  # Matplotlib itself draws files with this class
         renderer.finalize()
+        figure.dpi = before
     svg = vectors.target.getvalue()
     svg = re.sub(r"<!--[^<>]*-->|<style.*?</style>", "", svg[svg.index("<svg") :])
     prefix = f"{name}-"
