@@ -8,9 +8,9 @@ and the edges of bands and contours. Fills of a whole panel and guide lines acro
 """
 
 import io
-import xml.etree.ElementTree as ElementTree
+import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -18,10 +18,12 @@ import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.collections import Collection, PathCollection, QuadMesh
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.image import AxesImage
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
@@ -29,6 +31,8 @@ from matplotlib.patches import Patch, StepPatch
 from matplotlib.path import Path as Outline
 from matplotlib.quiver import Quiver
 from matplotlib.text import Text
+from matplotlib.textpath import text_to_path
+from matplotlib.ticker import Locator, LogLocator, MaxNLocator
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
@@ -247,7 +251,58 @@ FORMATS = FIGURE_FORMATS
 _ON_PAGE = 350.0
 """Resolution of pictures inside the figures of a page [dots per inch]. It is that of the rendered stills."""
 _MM_PER_INCH = 25.4
-_SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
+_DPI = 72
+"""Resolution of an SVG file [dots per inch]."""
+
+
+class _Renderer(RendererSVG):
+    """Draws an SVG, and measures texts for a layout in any resolution. Each text is measured once."""
+
+    def __init__(self, figure: Figure) -> None:
+        self.figure, self.target = figure, io.StringIO()
+        width, height = _DPI * figure.get_size_inches()
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        super().__init__(width, height, self.target, image_dpi=_ON_PAGE, metadata=nothing)
+        self._text2path = text_to_path  # its parser keeps the formulas; there is no public way to set it
+
+    def get_text_width_height_descent(self, s: str, prop: FontProperties, ismath: Any) -> Any:
+        return tuple(map(self.points_to_pixels, _text_size(s, prop.copy(), ismath)))
+
+    def points_to_pixels(self, points: Any) -> Any:
+        return points * self.figure.dpi / _DPI
+
+
+@lru_cache(4096)
+def _text_size(text: str, font: FontProperties, math: Any) -> tuple[float, float, float]:
+    if math:  # parsed in the size of the drawing, not in that of the measures of Matplotlib
+        width, height, depth, *_ = text_to_path.mathtext_parser.parse(text, _DPI, font)
+        return width, height, depth
+    return text_to_path.get_text_width_height_descent(text, font, math)
+
+
+class _Between(Locator):
+    """The positions of another locator between the limits of an axis. Ticks beyond them are not drawn."""
+
+    def __init__(self, every: Locator) -> None:
+        self.every = every
+        for name in ("nonsingular", "set_params", "tick_values", "view_limits"):
+            setattr(self, name, getattr(every, name))
+
+    def __call__(self) -> Any:
+        assert self.axis is not None  # an axis calls its own locator
+        ticks, (low, high) = np.asarray(self.every()), np.sort(self.axis.get_view_interval())
+        return ticks[(ticks >= low - 1e-9 * (high - low)) & (ticks <= high + 1e-9 * (high - low))]
+
+
+class _Canvas(FigureCanvasSVG):
+    """Canvas of a figure that is laid out as its SVG is drawn."""
+
+    def __init__(self, figure: Figure) -> None:
+        super().__init__(figure)
+        self._renderer = _Renderer(figure)
+
+    def get_renderer(self) -> _Renderer:
+        return self._renderer
 
 
 @cache
@@ -260,13 +315,18 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
         figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
+        _Canvas(figure)
         drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
         figure.set_label(kind.draw_into(figure, drawn))
         for ax in figure.axes:
             for spine in ax.spines.values():
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
+                spine.axis = None  # the place of a label is sought from its extent, without ticks
             for axis in (ax.xaxis, ax.yaxis):  # the number of ticks depends on it, also outside this style
+                if isinstance(major := axis.get_major_locator(), MaxNLocator | LogLocator):
+                    axis.set_major_locator(_Between(major))
+                if isinstance(minor := axis.get_minor_locator(), LogLocator):
+                    axis.set_minor_locator(_Between(minor))
                 if "labelsize" not in axis.get_tick_params():
                     axis.set_tick_params(labelsize=matplotlib.rcParams["ytick.labelsize"])
                 if not axis.get_label_text():
@@ -325,41 +385,44 @@ def inline_svg(figure: Figure, name: str) -> str:
 
     Without namespaces, metadata and head, which HTML does not need, the page contains no address.
     """
-    buffer = io.StringIO()
-    _save(figure, buffer, "svg", dpi=_ON_PAGE)
-    root = ElementTree.fromstring(buffer.getvalue())
-    for metadata in root.findall(f"{_SVG}metadata"):
-        root.remove(metadata)
-    for holder in root.findall(f"{_SVG}defs"):
-        for style in holder.findall(f"{_SVG}style"):
-            holder.remove(style)
-    root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}
+    with matplotlib.rc_context(_style()):
+        width, height = figure.get_size_inches()
+        before, figure.dpi = figure.dpi, _DPI
+        vectors = _Renderer(figure)
+        renderer = MixedModeRenderer(figure, width, height, _ON_PAGE, vectors)
+        figure.draw(renderer)  # type: ignore[arg-type]  # Matplotlib itself draws files with this class
+        renderer.finalize()
+        figure.dpi = before
+    svg = vectors.target.getvalue()
+    svg = re.sub(r"<!--[^<>]*-->|<style.*?</style>", "", svg[svg.index("<svg") :])
     prefix = f"{name}-"
-    for element in root.iter():
-        element.tag = element.tag.removeprefix(_SVG)
-        _plain_style(element)
-        for key, value in list(element.attrib.items()):
-            del element.attrib[key]
-            element.attrib[key.removeprefix(_LINK)] = _renamed(key.removeprefix(_LINK), value, prefix)
-    root.attrib["role"] = "img"
-    root.attrib["aria-labelledby"] = f"{prefix}caption"
-    return ElementTree.tostring(root, encoding="unicode")
+    svg = _ATTRIBUTE.sub(lambda found: _on_page(found[1], found[2], prefix), svg)
+    shape = 'stroke-linejoin="round" stroke-linecap="butt"'
+    return svg.replace("<svg", f'<svg {shape} role="img" aria-labelledby="{prefix}caption"', 1)
 
 
-def _plain_style(element: ElementTree.Element) -> None:
-    """Turn a style into attributes: a strict Content-Security-Policy does not allow styles."""
-    for rule in element.attrib.pop("style", "").split(";"):
-        name, _, value = rule.partition(":")
-        if name.strip():
-            element.attrib[name.strip()] = value.strip()
+_ATTRIBUTE = re.compile(r' (style|id|xlink:href|clip-path|xmlns|xmlns:xlink)="([^"]*)"(?=[^<>]*>)')
+"""An attribute whose value depends on the page. Outside tags, Matplotlib escapes ">"."""
 
 
-def _renamed(key: str, value: str, prefix: str) -> str:
+def _on_page(key: str, value: str, prefix: str) -> str:
+    """An attribute of an SVG file as those of an element in a page.
+
+    Styles become attributes, because a strict Content-Security-Policy does not allow them.
+    """
+    if key.startswith("xmlns"):
+        return ""
     if key == "id":
-        return prefix + value
-    if key == "href" and value.startswith("#"):
-        return f"#{prefix}{value[1:]}"
-    return value.replace("url(#", f"url(#{prefix}")
+        return f' id="{prefix}{value}"'
+    if key == "xlink:href":
+        return f' href="#{prefix}{value[1:]}"' if value.startswith("#") else f' href="{value}"'
+    value = value.replace("url(#", f"url(#{prefix}")
+    if key == "style":
+        rules = {
+            name.strip(): text.strip() for name, _, text in (rule.partition(":") for rule in value.split(";"))
+        }
+        return "".join(f' {name}="{text}"' for name, text in rules.items() if name)
+    return f' {key}="{value}"'
 
 
 def _save(figure: Figure, target: Path | io.StringIO, name: str, *, dpi: float | None = None) -> None:

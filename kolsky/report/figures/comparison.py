@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from kolsky.inverse.result import FORCE as FORCE_CHANNEL
@@ -25,6 +24,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     UM,
     YELLOW,
+    Cells,
     Panels,
     colour_bar,
     figure,
@@ -159,9 +159,7 @@ def shape_residual(result: Identification, panels: Panels) -> str:
     limit = float(np.percentile(np.abs(left_over[inside]), 99.0)) if inside.any() else 1.0
     corners: Any = cells(MS * line.time, line.frame, MM * line.y)[inside]
     # Edges in the colour of the face: without them, viewers show white seams between the cells.
-    mapped = PolyCollection(
-        corners, array=left_over[inside], cmap="RdBu_r", edgecolors="face", linewidths=0.1
-    )
+    mapped = Cells(corners, array=left_over[inside], cmap="RdBu_r", edgecolors="face", linewidths=0.1)
     mapped.set_clim(-limit, limit)
     ax.add_collection(mapped)
     if not inside.any():

@@ -115,6 +115,10 @@ _FIELD_RANGE = (1.0, 99.0)
 """Percentiles of a field over all times, used as limits of the colour scale. Corners then have no effect."""
 
 
+AT_ONCE = 8
+"""Number of pictures whose deformation gradients are computed together."""
+
+
 class SceneDataMissing(ValueError):
     """A result lacks data for the pictures."""
 
@@ -179,8 +183,9 @@ def scene_of(
     mesh, whole = _simulated_frames(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    # One picture at a time, because the gradients of all pictures would exceed the caches.
-    elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
+    # Some pictures at a time, because the gradients of all pictures would exceed the caches.
+    parts = np.array_split(nodes, range(AT_ONCE, len(nodes), AT_ONCE))
+    elements = np.concatenate([kind.values(deformation_gradient(mesh, x), solid) for x in parts])
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
     across, along = result.refined_mesh

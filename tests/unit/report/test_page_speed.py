@@ -1,6 +1,7 @@
 """Fast drawing gives the same figures: cycles, spines, two processes; files are written meanwhile."""
 
 import gc
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,7 @@ from synthetic import RESULTS
 
 from kolsky.base.errors import InputError
 from kolsky.base.process import GC_THRESHOLD, infrequent_gc
-from kolsky.report import result_folder
+from kolsky.report import canvas, result_folder
 from kolsky.report.canvas import STYLE
 from kolsky.report.figures import REGISTRY
 from kolsky.report.pages import rendering
@@ -101,3 +102,25 @@ def test_a_result_file_that_cannot_be_written_leaves_nothing(
     with pytest.raises(InputError, match="No space left"):
         result_folder.write_identify_results(tmp_path / "bad", RESULTS["one"], None, processes=processes)
     assert not (tmp_path / "bad").exists()
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_exactly_the_ticks_between_the_limits_remain(scale: str) -> None:
+    axis = Figure().subplots().yaxis
+    axis.axes.set(yscale=scale, ylim=(0.3, 40.0))
+    every = axis.get_major_locator()
+    all_ticks = np.asarray(every())
+    axis.set_major_locator(canvas._Between(every))
+    inside = all_ticks[(all_ticks >= 0.3) & (all_ticks <= 40.0)]
+    assert 0 < inside.size < all_ticks.size
+    np.testing.assert_array_equal(axis.get_majorticklocs(), inside)
+    axis.axes.set(ylim=(40.0, 0.3))  # upside down
+    np.testing.assert_array_equal(np.sort(axis.get_majorticklocs()), inside)
+
+
+def test_a_text_with_quotes_stays_as_it_is_in_a_page() -> None:
+    figure = canvas.build(REGISTRY["force"], RESULTS["one"])
+    text = 'file id="a" style="b: c" href="#d" <e>'
+    figure.axes[0].set_title(text)
+    root = ElementTree.fromstring(canvas.inline_svg(figure, "name"))
+    assert text in ["".join(one.itertext()) for one in root.iter("text")]
