@@ -91,16 +91,18 @@ class _Window:
         offsets = np.arange(-reach, reach + 1)
         along, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
         x, y = np.round(x0).astype(int), np.round(y0).astype(int)
-        dx, dy = along + (x - x0)[:, None], down + (y - y0)[:, None]
-        major, minor, angle = (ellipses[:, k, None] for k in range(3))
-        c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-        u, v = c * dx + s * dy, c * dy - s * dx  # along the ellipse's axes
-        u *= u
-        v *= v
-        wide, ring = (
-            u * (1.0 / (0.5 * major * by + margin) ** 2) + v * (1.0 / (0.5 * minor * by + margin) ** 2) <= 1.0
-            for by, margin in ((WINDOW, MARGIN), (RING, 2.0 * MARGIN))
-        )
+        dx, dy = x - x0, y - y0
+        c, s = np.cos(np.deg2rad(ellipses[:, 2])), np.sin(np.deg2rad(ellipses[:, 2]))
+        grid = np.stack([along * along, along * down, down * down, along, down, np.ones_like(along)], axis=0)
+
+        def inside_of(by: float, margin: float) -> BoolArray:  # expanded in the offsets from the nearest pixel
+            p, q = (1.0 / (0.5 * ellipses[:, k] * by + margin) ** 2 for k in (0, 1))
+            xx, xy, yy = p * c * c + q * s * s, 2.0 * (p - q) * c * s, p * s * s + q * c * c
+            slopes = 2.0 * xx * dx + xy * dy, xy * dx + 2.0 * yy * dy
+            constant = xx * dx * dx + xy * dx * dy + yy * dy * dy
+            return np.stack([xx, xy, yy, *slopes, constant], axis=1) @ grid.astype(np.float64) <= 1.0
+
+        wide, ring = inside_of(WINDOW, MARGIN), inside_of(RING, 2.0 * MARGIN)
         ring &= ~wide
         far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
         for k in np.flatnonzero(far):  # a window that extends past the picture's edge
@@ -117,7 +119,7 @@ class _Window:
 
         index, self.inner = _pixel_lists(wide)
         self.inner_x, self.inner_y, self.inner_grey = pixels_of(index, self.inner)
-        every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
+        every = np.maximum(1, np.count_nonzero(ring, axis=1) // RING_PIXELS)
         index, self.ring = _pixel_lists(ring, every)
         self.ring_x, self.ring_y, self.ring_grey = pixels_of(index, self.ring)
 
@@ -125,24 +127,22 @@ class _Window:
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
     """Columns at which each row of a mask is true (of row i only every ``every[i]``-th one), padded to shape
     [n, m], and a mask of the valid entries."""
-    n, flat = len(mask), np.flatnonzero(mask)
-    count = mask.sum(axis=1)
-    row = np.repeat(np.arange(n), count)
-    column = flat - mask.shape[1] * row
-    place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+    row, column = np.nonzero(mask)
+    count = np.count_nonzero(mask, axis=1)
     if every is not None and np.any(every > 1):
+        place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
         selected = place % every[row] == 0
-        row, column, place = row[selected], column[selected], place[selected] // every[row[selected]]
-        count = np.bincount(row, minlength=n)
-    index = np.zeros((n, max(int(count.max(initial=0)), 1)), dtype=np.int64)
-    index[row, place] = column
-    return index, np.arange(index.shape[1]) < count[:, None]
+        column, count = column[selected], np.bincount(row[selected], minlength=len(mask))
+    valid = np.arange(max(int(count.max(initial=0)), 1)) < count[:, None]
+    index = np.zeros(valid.shape, dtype=np.int64)
+    index[valid] = column
+    return index, valid
 
 
 def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
     """Quantile of each row's valid values with linear interpolation, shape [n]; NaN without values."""
     ordered = np.sort(np.where(used, values, np.inf), axis=1)
-    count = used.sum(axis=1)
+    count = np.count_nonzero(used, axis=1)
     place = share * np.maximum(count - 1, 0)
     low = np.floor(place).astype(int)
     high = np.minimum(low + 1, np.maximum(count - 1, 0))
@@ -156,13 +156,15 @@ def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
     """Brightness a + b x + c y around the dots without other objects, [n, 3], and whether pixels suffice."""
     basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
     used, fine = part.ring, np.ones(len(basis), dtype=bool)
-    for _ in range(3):
-        fine = fine & (used.sum(axis=1) >= 12)
+    for last in (False, False, True):
+        fine = fine & (np.count_nonzero(used, axis=1) >= 12)
         weighted = basis * (used & fine[:, None])[:, None]
         normal = weighted @ np.swapaxes(basis, 1, 2)
         normal[~fine] = np.eye(3)
         normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line determine no plane
         solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
+        if last:
+            break
         off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
         middle = np.where(fine, _quantile(off, used, 0.5), 0.0)
         limit = 4.0 * MAD * middle + 1e-9 * np.abs(solution[:, 0, 0])
