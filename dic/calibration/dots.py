@@ -95,7 +95,7 @@ class _Window:
         c, s = np.cos(np.deg2rad(ellipses[:, 2])), np.sin(np.deg2rad(ellipses[:, 2]))
         grid = np.stack([along * along, along * down, down * down, along, down, np.ones_like(along)], axis=0)
 
-        def inside_of(by: float, margin: float) -> BoolArray:  # expanded in the offsets from the nearest pixel
+        def inside_of(by: float, margin: float) -> BoolArray:  # expanded in the whole offsets
             p, q = (1.0 / (0.5 * ellipses[:, k] * by + margin) ** 2 for k in (0, 1))
             xx, xy, yy = p * c * c + q * s * s, 2.0 * (p - q) * c * s, p * s * s + q * c * c
             slopes = 2.0 * xx * dx + xy * dy, xy * dx + 2.0 * yy * dy
@@ -484,30 +484,30 @@ def _outlines(
     rows, columns = eight.shape
     # a picture has thousands of specks; most are removed before a call of Python
     lengths = np.fromiter(map(len, contours), dtype=np.int64, count=len(contours))
-    numbers, outlines = [], []
-    area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
-    for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
-        contour = contours[k]
-        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel too small
-        if area < LEAST_AREA:
-            continue
-        x, y, w, h = box_of(contour)
-        inside = x > 1 and y > 1 and x + w < columns - 1 and y + h < rows - 1
-        # Of a patch larger than the window only the rim is filled.
-        if not inside or max(w, h) > 0.7 * size:
-            continue
-        centre, diameters, angle = ellipse_of(contour)
-        numbers.append(k)
-        outlines.append((*centre, *diameters, angle, area))
-    ellipses, areas = np.split(np.reshape(outlines, (-1, 6)), [5], axis=1)
+    numbers = np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8))
+    if not len(numbers):
+        return []
+    points = np.concatenate([contours[k][:, 0] for k in numbers.tolist()]).astype(np.int64)
+    start = np.cumsum(lengths[numbers]) - lengths[numbers]
+    after = np.roll(points, -1, axis=0)
+    after[np.append(start[1:], len(points)) - 1] = points[start]
+    low, high = (extreme.reduceat(points, start) for extreme in (np.minimum, np.maximum))
+    twice = np.add.reduceat(points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0], start)
+    area = 0.5 * (np.abs(twice) + lengths[numbers])  # through pixel centres: half a pixel too small
+    inside = np.all((low > 1) & (high < [columns - 2, rows - 2]), axis=1)
+    # Of a patch larger than the window only the rim is filled.
+    chosen = (area >= LEAST_AREA) & inside & ((high - low).max(axis=1) + 1 <= 0.7 * size)
+    numbers, area = numbers[chosen], area[chosen]
+    fits = [cv2.fitEllipseDirect(contours[k]) for k in numbers.tolist()]
+    ellipses = np.reshape([(*centre, *diameters, angle) for centre, diameters, angle in fits], (-1, 5))
     ellipses[:, 2:4] += 1.0
     narrow, wide = np.sort(ellipses[:, 2:4], axis=1).T
-    filled = areas[:, 0] / (0.25 * np.pi * narrow * wide)
+    filled = area / (0.25 * np.pi * narrow * wide)
     # A square fills more or less of its ellipse's outline than a disc.
     least, most = (0.9, 1.1) if round_dots else (0.7, 1.3)
     fine = np.isfinite(ellipses).all(axis=1) & (narrow >= 0.2 * wide) & (least < filled) & (filled < most)
     return [
-        (ellipses[k], _has_hole(contours, tree[0], numbers[k], ellipses[k], areas[k, 0]))
+        (ellipses[k], _has_hole(contours, tree[0], int(numbers[k]), ellipses[k], area[k]))
         for k in np.flatnonzero(fine)
     ]
 
