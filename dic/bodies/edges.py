@@ -133,9 +133,8 @@ def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: in
     shift = guess
     for _ in range(FINE_STEPS):
         displaced = at + shift
-        rows = _rows_at(last, np.concatenate([displaced, displaced + 0.5, displaced - 0.5]))
-        g, after, before = rows.reshape(3, -1)
-        slope = after - before
+        rows = _rows_at(last, np.concatenate([displaced, displaced - 0.5, displaced[-1:] + 0.5]))
+        g, slope = rows[:in_view].ravel(), np.diff(rows[in_view:], axis=0).ravel()
         g = g - g.mean()
         gain = float(f @ g) / max(float(g @ g), 1e-12)
         slope = slope - slope.mean()
@@ -150,19 +149,11 @@ def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
     """Interpolated rows of a picture, cubic (Catmull-Rom), shape [n, columns]."""
     rows = len(picture)
     base = np.floor(at).astype(np.int64)
-    t = (at - base)[:, None]
+    t = at - base
+    outer = -0.5 * t * (1.0 - t) ** 2, 0.5 * t * t * (t - 1.0)
+    inner = 1.0 + 0.5 * t * t * (3.0 * t - 5.0), 0.5 * t * (1.0 + t * (4.0 - 3.0 * t))
     take = picture[np.clip(base + np.arange(-1, 3)[:, None], 0, rows - 1)]
-    return np.asarray(
-        take[1]
-        + 0.5
-        * t
-        * (
-            take[2]
-            - take[0]
-            + t * (2.0 * take[0] - 5.0 * take[1] + 4.0 * take[2] - take[3])
-            + t * t * (3.0 * (take[1] - take[2]) + take[3] - take[0])
-        )
-    )
+    return np.asarray(np.einsum("kn,knc->nc", np.stack([outer[0], *inner, outer[1]]), take))
 
 
 def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ its pixels correlate with the declared picture in every frame between.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -202,17 +203,19 @@ def _stack(
     rotated, frames = [], []
     for k in indices:
         try:
-            rotated.append(_even(rotate_rows(pictures.frame(k).astype(np.float64), toward)[:, inner]))
+            picture = rotate_rows(pictures.frame(k).astype(np.float64), toward)[:, inner]
         except PictureError:
             continue
+        rotated.append(picture @ _even(picture.shape[1]))
         frames.append(k)
     return np.array(rotated), frames
 
 
-def _even(picture: FloatArray) -> FloatArray:
-    """A picture corrected for uneven light, reduced to a sufficient number of columns."""
-    flat = picture - gaussian_filter1d(picture, EVEN, axis=1)
-    return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
+@cache
+def _even(columns: int) -> FloatArray:
+    """Factor of a picture that corrects uneven light and leaves a sufficient number of columns."""
+    one = np.eye(columns)
+    return np.asarray((one - gaussian_filter1d(one, EVEN, axis=1))[:, :: max(columns // MOST_COLUMNS, 1)])
 
 
 def _noise(pictures: Pictures, rest_frames: Sequence[int], toward: str, inner: slice) -> float:

@@ -91,16 +91,18 @@ class _Window:
         offsets = np.arange(-reach, reach + 1)
         along, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
         x, y = np.round(x0).astype(int), np.round(y0).astype(int)
-        dx, dy = along + (x - x0)[:, None], down + (y - y0)[:, None]
-        major, minor, angle = (ellipses[:, k, None] for k in range(3))
-        c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-        u, v = c * dx + s * dy, c * dy - s * dx  # along the ellipse's axes
-        u *= u
-        v *= v
-        wide, ring = (
-            u * (1.0 / (0.5 * major * by + margin) ** 2) + v * (1.0 / (0.5 * minor * by + margin) ** 2) <= 1.0
-            for by, margin in ((WINDOW, MARGIN), (RING, 2.0 * MARGIN))
-        )
+        dx, dy = x - x0, y - y0
+        c, s = np.cos(np.deg2rad(ellipses[:, 2])), np.sin(np.deg2rad(ellipses[:, 2]))
+        grid = np.stack([along * along, along * down, down * down, along, down, np.ones_like(along)], axis=0)
+
+        def inside_of(by: float, margin: float) -> BoolArray:  # expanded in the whole offsets
+            p, q = (1.0 / (0.5 * ellipses[:, k] * by + margin) ** 2 for k in (0, 1))
+            xx, xy, yy = p * c * c + q * s * s, 2.0 * (p - q) * c * s, p * s * s + q * c * c
+            slopes = 2.0 * xx * dx + xy * dy, xy * dx + 2.0 * yy * dy
+            constant = xx * dx * dx + xy * dx * dy + yy * dy * dy
+            return np.stack([xx, xy, yy, *slopes, constant], axis=1) @ grid.astype(np.float64) <= 1.0
+
+        wide, ring = inside_of(WINDOW, MARGIN), inside_of(RING, 2.0 * MARGIN)
         ring &= ~wide
         far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
         for k in np.flatnonzero(far):  # a window that extends past the picture's edge
@@ -117,7 +119,7 @@ class _Window:
 
         index, self.inner = _pixel_lists(wide)
         self.inner_x, self.inner_y, self.inner_grey = pixels_of(index, self.inner)
-        every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
+        every = np.maximum(1, np.count_nonzero(ring, axis=1) // RING_PIXELS)
         index, self.ring = _pixel_lists(ring, every)
         self.ring_x, self.ring_y, self.ring_grey = pixels_of(index, self.ring)
 
@@ -125,24 +127,22 @@ class _Window:
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
     """Columns at which each row of a mask is true (of row i only every ``every[i]``-th one), padded to shape
     [n, m], and a mask of the valid entries."""
-    n, flat = len(mask), np.flatnonzero(mask)
-    count = mask.sum(axis=1)
-    row = np.repeat(np.arange(n), count)
-    column = flat - mask.shape[1] * row
-    place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+    row, column = np.nonzero(mask)
+    count = np.count_nonzero(mask, axis=1)
     if every is not None and np.any(every > 1):
+        place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
         selected = place % every[row] == 0
-        row, column, place = row[selected], column[selected], place[selected] // every[row[selected]]
-        count = np.bincount(row, minlength=n)
-    index = np.zeros((n, max(int(count.max(initial=0)), 1)), dtype=np.int64)
-    index[row, place] = column
-    return index, np.arange(index.shape[1]) < count[:, None]
+        column, count = column[selected], np.bincount(row[selected], minlength=len(mask))
+    valid = np.arange(max(int(count.max(initial=0)), 1)) < count[:, None]
+    index = np.zeros(valid.shape, dtype=np.int64)
+    index[valid] = column
+    return index, valid
 
 
 def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
     """Quantile of each row's valid values with linear interpolation, shape [n]; NaN without values."""
     ordered = np.sort(np.where(used, values, np.inf), axis=1)
-    count = used.sum(axis=1)
+    count = np.count_nonzero(used, axis=1)
     place = share * np.maximum(count - 1, 0)
     low = np.floor(place).astype(int)
     high = np.minimum(low + 1, np.maximum(count - 1, 0))
@@ -156,13 +156,15 @@ def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
     """Brightness a + b x + c y around the dots without other objects, [n, 3], and whether pixels suffice."""
     basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
     used, fine = part.ring, np.ones(len(basis), dtype=bool)
-    for _ in range(3):
-        fine = fine & (used.sum(axis=1) >= 12)
+    for last in (False, False, True):
+        fine = fine & (np.count_nonzero(used, axis=1) >= 12)
         weighted = basis * (used & fine[:, None])[:, None]
         normal = weighted @ np.swapaxes(basis, 1, 2)
         normal[~fine] = np.eye(3)
         normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line determine no plane
         solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
+        if last:
+            break
         off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
         middle = np.where(fine, _quantile(off, used, 0.5), 0.0)
         limit = 4.0 * MAD * middle + 1e-9 * np.abs(solution[:, 0, 0])
@@ -184,6 +186,8 @@ ROOT = float(np.sqrt(2.0 * np.pi))
 """√(2π)"""
 HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
 """Coefficients p and a1 to a5 of Hastings' approximation of the error function."""
+PILOT = 16
+"""Every such dot is fitted first. Its blur and size, relative to the outline, are the start of the others."""
 LARGEST = 25.0
 """Largest radius of a dot for the fit of its outline [px]. The centroid of a larger dot is accurate to a few
 mpx. Its printed outline deviates from an ellipse by the same amount."""
@@ -202,40 +206,42 @@ def _fit_discs(
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. Only the edge determines
     the position. Unlike in a centroid, the noise of the surrounding surface has no effect.
     """
-    centres, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
     w = int(np.ceil(reach))
+    pilot = _fit_block(image, centre[::PILOT], shape[::PILOT], 0.8, w, noise)
+    pilot = pilot[np.isfinite(pilot[:, 0])]
+    blur, scale = np.median(pilot[:, 3:], axis=0) if len(pilot) > 2 else (0.8, 1.0)
     step = max(1, EDGE_PIXELS_AT_ONCE // (2 * w + 1) ** 2)
-    for first in range(0, len(centre), step):
-        rows = slice(first, first + step)
-        centres[rows], sigma[rows] = _fit_block(image, centre[rows], shape[rows], w, noise)
-    return centres, sigma
+    parts = [slice(first, first + step) for first in range(0, len(centre), step)]
+    fits = [_fit_block(image, centre[rows], scale * shape[rows], blur, w, noise) for rows in parts]
+    fitted = np.concatenate(fits)
+    return fitted[:, :2], fitted[:, 2]
 
 
 def _fit_block(
-    image: FloatArray, centre: FloatArray, shape: FloatArray, w: int, noise: float
-) -> tuple[FloatArray, FloatArray]:
-    """`fit_discs` of some dots, with windows of half side `w`."""
+    image: FloatArray, centre: FloatArray, shape: FloatArray, blur: float, w: int, noise: float
+) -> FloatArray:
+    """`_fit_discs` of some dots, with windows of half side `w`: x, y, their sigma, s, and M relative to its
+    start, shape [n, 5]."""
     n, offsets = len(centre), np.arange(-w, w + 1)
     column, row = np.round(centre).astype(int).T
     inside = (column >= w) & (row >= w) & (column < image.shape[1] - w) & (row < image.shape[0] - w)
     column, row = np.where(inside, column, w), np.where(inside, row, w)
     across, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
-    values = image[row[:, None] + down, column[:, None] + across]
+    values = image[row[:, None] + down, column[:, None] + across].astype(np.float32)
     xx, yy = across.astype(np.float32), down.astype(np.float32)
-    top, bottom = np.percentile(values, [90.0, 10.0], axis=1)
+    bottom, top = np.sort(values, axis=1)[:, [xx.size // 10, -1 - xx.size // 10]].T
     p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, gx, gy, D
     p[:, :2] = np.where(inside[:, None], centre - np.stack([column, row], axis=1), 0.0)
-    p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, 1.0 - bottom / np.maximum(top, 1e-9)
+    p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, blur, top, 1.0 - bottom / np.maximum(top, 1e-9)
     start = p[:, :2].copy()
     normal, last = np.tile(np.eye(10), (n, 1, 1)), np.full((n, 2), np.nan)
-    rows, room = np.arange(n), np.empty((n, p.shape[1], xx.size), dtype=np.float32)
+    rows, room = np.arange(n), np.empty((n, 11, xx.size), dtype=np.float32)
     with np.errstate(all="ignore"):  # a dot whose fit diverges becomes NaN; the caller handles it
         for _ in range(STEPS):
-            J = room[: len(rows)]
-            model = _model(p[rows], xx, yy, J)
-            N = (J @ np.swapaxes(J, 1, 2)).astype(np.float64)
-            off = (values[rows] - model).astype(np.float32)
-            right = (J @ off[..., None])[..., 0].astype(np.float64)
+            J = room[: len(rows)]  # and the residual as its last row
+            np.subtract(values[rows], _model(p[rows], xx, yy, J), out=J[:, 10])
+            product = (J @ np.swapaxes(J[:, :10], 1, 2)).astype(np.float64)
+            N, right = product[:, :10], product[:, 10]
             bad = ~(np.isfinite(N).all(axis=(1, 2)) & np.isfinite(right).all(axis=1))
             N[bad], right[bad] = np.eye(10), np.nan
             scaled, scale = _scale(N)
@@ -253,8 +259,9 @@ def _fit_block(
         )
         off = np.hypot(*(p[:, :2] - start).T)
         fine = inside & (off < 0.5) & (np.abs(last).max(axis=1) < 0.01) & np.isfinite(sigma)
-    centres = p[:, :2] + np.stack([column, row], axis=1)
-    return np.where(fine[:, None], centres, np.nan), np.where(fine, sigma, np.nan)
+        ratio = (p[:, 2] + p[:, 4]) / (shape[:, 0] + shape[:, 2])
+    result = np.stack([p[:, 0] + column, p[:, 1] + row, sigma, p[:, 5], ratio], axis=1)
+    return np.where(fine[:, None], result, np.nan)
 
 
 def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -272,15 +279,16 @@ def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
     q = np.sqrt(np.maximum(dx * mx + dy * my, 1e-12))
     slope = np.maximum(np.sqrt(mx * mx + my * my), 1e-9)
     delta = (q - 1.0) * q / slope
-    x = delta / s
+    x = np.clip(delta / s, -8.0, 8.0)  # products of even smaller slopes would be subnormal, which is slow
     bell = np.exp(-0.5 * x**2)
     S = _upper(x, bell)
     light, loss = B + Bx * dx + By * dy, 1.0 - D * S
-    edge = light * D * bell / (ROOT * s)  # by δ
-    J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
-    J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
-    J[:, 5] = -edge * delta / s
-    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = loss, dx * loss, dy * loss, -light * S
+    edge = light * bell * (-D / (ROOT * s))  # by -δ
+    by_slope = edge / slope
+    across, down = -by_slope * dx, -by_slope * dy
+    pairs = ((by_slope, mx), (by_slope, my), (0.5 * across, dx), (across, dy), (0.5 * down, dy), (edge, x))
+    for k, (one, other) in enumerate((*pairs, (loss, 1.0), (loss, dx), (loss, dy), (-light, S))):
+        np.multiply(one, other, out=J[:, k])
     return light * loss
 
 
@@ -288,11 +296,11 @@ def _upper(x: Single, bell: Single) -> Single:
     """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2), by Hastings (Abramowitz and Stegun 7.1.26) in a
     tenth of SciPy's time."""
     t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
-    total = np.zeros_like(t)
-    for a in HASTINGS[:0:-1]:
-        total = (total + a) * t
-    tail = 0.5 * total * bell
-    return np.where(x > 0.0, tail, 1.0 - tail)
+    total = HASTINGS[-1] * t
+    for a in HASTINGS[-2:0:-1]:
+        total += a
+        total *= t
+    return np.asarray(0.5 - np.sign(x) * (0.5 - 0.5 * total * bell))
 
 
 BANDS, BAND = 16, 24
@@ -476,30 +484,30 @@ def _outlines(
     rows, columns = eight.shape
     # a picture has thousands of specks; most are removed before a call of Python
     lengths = np.fromiter(map(len, contours), dtype=np.int64, count=len(contours))
-    numbers, outlines = [], []
-    area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
-    for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
-        contour = contours[k]
-        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel too small
-        if area < LEAST_AREA:
-            continue
-        x, y, w, h = box_of(contour)
-        inside = x > 1 and y > 1 and x + w < columns - 1 and y + h < rows - 1
-        # Of a patch larger than the window only the rim is filled.
-        if not inside or max(w, h) > 0.7 * size:
-            continue
-        centre, diameters, angle = ellipse_of(contour)
-        numbers.append(k)
-        outlines.append((*centre, *diameters, angle, area))
-    ellipses, areas = np.split(np.reshape(outlines, (-1, 6)), [5], axis=1)
+    numbers = np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8))
+    if not len(numbers):
+        return []
+    points = np.concatenate([contours[k][:, 0] for k in numbers.tolist()]).astype(np.int64)
+    start = np.cumsum(lengths[numbers]) - lengths[numbers]
+    after = np.roll(points, -1, axis=0)
+    after[np.append(start[1:], len(points)) - 1] = points[start]
+    low, high = (extreme.reduceat(points, start) for extreme in (np.minimum, np.maximum))
+    twice = np.add.reduceat(points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0], start)
+    area = 0.5 * (np.abs(twice) + lengths[numbers])  # through pixel centres: half a pixel too small
+    inside = np.all((low > 1) & (high < [columns - 2, rows - 2]), axis=1)
+    # Of a patch larger than the window only the rim is filled.
+    chosen = (area >= LEAST_AREA) & inside & ((high - low).max(axis=1) + 1 <= 0.7 * size)
+    numbers, area = numbers[chosen], area[chosen]
+    fits = [cv2.fitEllipseDirect(contours[k]) for k in numbers.tolist()]
+    ellipses = np.reshape([(*centre, *diameters, angle) for centre, diameters, angle in fits], (-1, 5))
     ellipses[:, 2:4] += 1.0
     narrow, wide = np.sort(ellipses[:, 2:4], axis=1).T
-    filled = areas[:, 0] / (0.25 * np.pi * narrow * wide)
+    filled = area / (0.25 * np.pi * narrow * wide)
     # A square fills more or less of its ellipse's outline than a disc.
     least, most = (0.9, 1.1) if round_dots else (0.7, 1.3)
     fine = np.isfinite(ellipses).all(axis=1) & (narrow >= 0.2 * wide) & (least < filled) & (filled < most)
     return [
-        (ellipses[k], _has_hole(contours, tree[0], numbers[k], ellipses[k], areas[k, 0]))
+        (ellipses[k], _has_hole(contours, tree[0], int(numbers[k]), ellipses[k], area[k]))
         for k in np.flatnonzero(fine)
     ]
 

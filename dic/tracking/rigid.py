@@ -169,13 +169,11 @@ def _matches(
     templates: Templates | None,
 ) -> list[Match]:
     """Matches that start from several motions of the body [px], in as few launches as possible."""
-    guesses, rows = [], []
-    for move in moves:
-        guess = root.copy()
-        guess[:, :2] += move
-        guesses.append(guess)
-        # before the body enters the picture, no point is in view
-        rows.append(np.flatnonzero(_in_view(points, guess, current.shape, settings)))
+    guesses = np.tile(root, (len(moves), 1, 1))
+    guesses[:, :, :2] += np.array(moves)[:, None]
+    # before the body enters the picture, no point is in view
+    seen = _in_view(np.tile(points, (len(moves), 1)), guesses.reshape(-1, 12), current.shape, settings)
+    rows = [np.flatnonzero(one) for one in seen.reshape(len(moves), -1)]
     matches = [_out_of_view(guess) for guess in guesses]
     each = max(1, MOST_TOGETHER // len(points))
     for first in range(0, len(moves), each):

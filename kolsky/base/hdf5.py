@@ -207,7 +207,7 @@ def put(
     """
     array = np.asarray(values, dtype=STORED[kind])
     large = array.size > COMPRESSED_FROM
-    packing = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if large else {}
+    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if large else {}
     dataset = parent.create_dataset(name, data=array, **packing)
     if unit is not None:
         dataset.attrs["units"] = unit
