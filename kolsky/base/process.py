@@ -21,7 +21,7 @@ from dic import following
 
 WORKER = "WORKER_NUMBER"
 """Environment variable with a worker's number, as `explicit.device` and `dic` read it."""
-GC_THRESHOLD = 300_000
+GC_THRESHOLD = 100_000
 """Net number of new objects between two searches for reference cycles. Python's default is some hundred."""
 GC_THRESHOLD_OF_COMMAND = 20_000
 """The corresponding number for other work of a command, in which a cycle may contain large arrays."""
