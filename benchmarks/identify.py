@@ -10,10 +10,10 @@ Each line gives batches, runs, element updates and processor time of one stage a
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process,
 before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky
 identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start
-and imports included. The second of two runs of a part counts, because the first one may compile. With
-`--threads N` these commands run on N cores of a Linux machine, as the unit does. Two threads of one core
-would each take more processor time. Ratios depend less on the machine than times do; run nothing else at the
-same time. On a GPU (`--device cuda`) the figures are wall times. `--target-cpu haswell` compiles the kernels
+and imports included. The first run of a part or command may compile and does not count. Of a command, the
+median ratio of `ROUNDS` runs counts. With `--threads N` these commands run on N cores of a Linux machine, as
+the unit does. Two threads of one core would each take more processor time. Ratios depend less on the machine
+than times do; run nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times. `--target-cpu haswell` compiles the kernels
 without AVX-512, as on a processor that lacks it.
 """
 
@@ -171,6 +171,8 @@ def cores(count: int | None) -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
+ROUNDS = 3
+"""Number of runs of a command. The median counts, because the speed of a shared machine varies by 15 %."""
 COMPILE_FOR = """
 import dic.correlation.kernels.launch
 import explicit.simd.kernel
@@ -181,19 +183,16 @@ for module in (dic.correlation.kernels.launch, explicit.simd.kernel):
 
 
 def whole(arguments: list[str], cpu: str | None) -> dict[str, float]:
-    """Processor time of a command and its processes and its wall time [s], of the second of two runs into an
-    empty folder. ``cpu``: processor of the kernels; None: this one."""
-    taken = wall = 0.0
+    """Processor time of a command and its processes and its wall time [s], into an empty folder. ``cpu``:
+    processor of the kernels; None: this one."""
     first = COMPILE_FOR.format(cpu=cpu) if cpu else ""
-    for _ in range(2):
-        out = tempfile.mkdtemp()
-        before, begun = os.times(), time.perf_counter()
-        line = [sys.executable, "-c", f"{first}from kolsky.cli import main; main()", *arguments, "--out", out]
-        subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
-        after, wall = os.times(), time.perf_counter() - begun
-        shutil.rmtree(out)
-        taken = sum(after[2:4]) - sum(before[2:4])
-    return {"seconds": taken, "wall": wall}
+    out = tempfile.mkdtemp()
+    before, begun = os.times(), time.perf_counter()
+    line = [sys.executable, "-c", f"{first}from kolsky.cli import main; main()", *arguments, "--out", out]
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
+    after, wall = os.times(), time.perf_counter() - begun
+    shutil.rmtree(out)
+    return {"seconds": sum(after[2:4]) - sum(before[2:4]), "wall": wall}
 
 
 def table(part: str, measured: dict[str, Any]) -> str:
@@ -294,8 +293,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if units:
             print(table(part, said[part]), flush=True)
     for part, line in commands(given.pictures, given.specimen, given.device).items():
-        with cores(given.threads):
-            add(part, whole(line, given.target_cpu))
+        rounds = []
+        for k in range(1 + ROUNDS):
+            with cores(given.threads):
+                add(part, whole(line, given.target_cpu))
+            if k:  # the first run compiles
+                rounds.append(said[part])
+        said[part] = sorted(rounds, key=lambda one: one["seconds"] / one.get("unit", 1.0))[ROUNDS // 2]
     if units:
         print(f"100 runs of 16 x 22 elements: {said['unit']:.2f} s of processor time")
     print(summary(said))

@@ -274,6 +274,7 @@ class _Renderer(RendererSVG):
 
 @lru_cache(4096)
 def _text_size(text: str, font: FontProperties, math: Any) -> tuple[float, float, float]:
+    """Width, height and depth of a text [pt]."""
     if math:  # parsed in the size of the drawing, not in that of the measures of Matplotlib
         width, height, depth, *_ = text_to_path.mathtext_parser.parse(text, _DPI, font)
         return width, height, depth
