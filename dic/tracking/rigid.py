@@ -11,6 +11,7 @@ from dic.correlation.subsets import gradient, identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
+from dic.tracking.frame_match import EVERY, TRIES
 from dic.tracking.inputs import FramesAhead
 
 APART = 0.5
@@ -28,7 +29,8 @@ multiple of the median of the previous frames. A rigid body keeps its paint, and
 equally in all frames. Printed dots that are displaced by a few steps of their lattice have a correlation of
 three quarters."""
 SEARCHED = (1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
-"""If too few points are found at the prediction, these steps along each axis are tried [px]."""
+"""If too few points are found at the prediction, these steps along each axis are tried [px]. A body that has
+been lost for some frames is searched at the prediction alone in most frames, as lost points are."""
 MOST_TOGETHER = 4096
 """Largest number of points that are matched in one launch from several start positions."""
 
@@ -77,7 +79,7 @@ def track_rigid(
     try:
         count = 1
         for order in orders:
-            history, unlike = [(first, np.zeros(2))], list[float]()
+            history, unlike, lost = [(first, np.zeros(2))], list[float](), 0
             for frame in order:
                 count += 1
                 if progress is not None:
@@ -86,10 +88,12 @@ def track_rigid(
                 if picture is None:
                     continue
                 expected, most = _predicted(history, frame), most_unlike(unlike)
+                steps = SEARCHED if lost < TRIES or lost % EVERY == 0 else ()
                 move = _step(
                     result, frame, stack, frames.prepared(frame, picture), inner, root, common, settings,
-                    within, templates, expected, most,
+                    within, templates, expected, most, steps,
                 )  # fmt: skip
+                lost = 0 if move is not None else lost + 1
                 if move is not None:
                     history = [*history[-1:], (frame, move)]
                     fine = result.outcome[frame] == PointOutcome.VALID
@@ -126,13 +130,14 @@ def _step(
     templates: Templates | None,
     predicted: FloatArray,
     most: float,
+    steps: Sequence[float],
 ) -> FloatArray | None:
     """Match the points in one frame. Returns the body's displacement from the reference [px], None if no
     motion is found."""
     best, matches = None, _matches(stack, current, points, root, [predicted], settings, mask, templates)
-    for k in range(1 + len(SEARCHED)):
+    for k in range(1 + len(steps)):
         if k == 1:  # the prediction failed: try all other steps at once
-            displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
+            displaced = [predicted + off * np.eye(2)[axis] for off in steps for axis in (1, 0)]
             matches = _matches(stack, current, points, root, displaced, settings, mask, templates)
         for match in matches[2 * k - 2 : 2 * k] if k else matches:
             fine = match.outcome == PointOutcome.VALID

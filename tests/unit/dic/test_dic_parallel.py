@@ -346,6 +346,26 @@ def test_places_tried_together_are_those_tried_one_by_one(monkeypatch):
     assert len(few) < len(many)
 
 
+def test_a_body_lost_for_some_frames_is_searched_in_some_of_them(monkeypatch):
+    """Tried in two frames, then in every third one after the last success, which is here in frame 7."""
+    monkeypatch.setattr(rigid, "TRIES", 2)
+    monkeypatch.setattr(rigid, "EVERY", 3)
+    searched = []
+
+    def step(result, frame, *rest):
+        searched.append(len(rest[-1]) > 0)
+        result.outcome[frame, 0] = int(PointOutcome.VALID)
+        return np.zeros(2) if frame == 7 else None
+
+    monkeypatch.setattr(rigid, "_step", step)
+    frames = tuple(np.random.default_rng(1).integers(0, 4000, (12, 40, 40)).astype(np.uint16))
+    rigid.track_rigid(
+        PicturesInMemory(frames), np.array([[20.0, 20.0]]), Correlation(subset=15), noise=1.0,
+        frame_outcome=np.full(12, int(FrameOutcome.VALID)),
+    )  # fmt: skip
+    assert searched == [True, True, False, True, False, False, True, True, True, False, True]
+
+
 def test_a_mask_is_sent_once_and_again_when_it_has_changed():
     device = select_device("cpu")
     mask = np.zeros((6, 5), dtype=np.uint8)
@@ -410,7 +430,9 @@ def test_of_a_pair_of_places_the_one_that_more_points_agree_on_counts(monkeypatc
         np.zeros((1, 10), dtype=np.int64), np.zeros((1, 10), dtype=np.int64),
     )  # fmt: skip
     root, zero = np.zeros((10, 12)), np.zeros((10, 2, 2))
-    move = rigid._step(found, 0, None, None, root[:, :2], root, zero, None, None, None, np.zeros(2), 1.0)
+    move = rigid._step(
+        found, 0, None, None, root[:, :2], root, zero, None, None, None, np.zeros(2), 1.0, rigid.SEARCHED
+    )  # fmt: skip
     # the first pair of places serves, of it that with more points, and no later one counts
     np.testing.assert_array_equal(move, [0.0, 3.0])
     assert np.sum(found.outcome[0] == int(PointOutcome.VALID)) == 8
