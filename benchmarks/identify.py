@@ -13,8 +13,8 @@ identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. Thes
 and imports included. The first run of a part or command may compile and does not count. Of a command, the
 median ratio of `ROUNDS` runs counts. With `--threads N` these commands run on N cores of a Linux machine, as
 the unit does. Two threads of one core would each take more processor time. Ratios depend less on the machine
-than times do; run nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times. `--target-cpu haswell` compiles the kernels
-without AVX-512, as on a processor that lacks it.
+than times do; run nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times.
+`--target-cpu haswell` compiles the kernels without AVX-512, as on a processor that lacks it.
 """
 
 import argparse
