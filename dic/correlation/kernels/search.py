@@ -393,11 +393,12 @@ INPUTS = 29
 PACE = 6
 """The convergence rate is checked over this number of updates. A search that cannot end in time is
 stopped."""
-SLOW, SLOWEST, ASIDE = 0.2, 0.9, 0.4
+SLOW, SLOWEST, ASIDE, NEAR = 0.2, 0.9, 0.4, 0.1
 """Two steps in a row are the start of a geometric series if the second one is the first one times a factor
 between the first two numbers, up to a rest of at most this share of its length. The second step is then
 lengthened to the sum of the series. Such searches would converge slowly or be stopped. A search for a
-translation alone converges fast."""
+translation alone converges fast. A step that moves a corner of the subset by this far or farther [px] is not
+lengthened: the search has not found its speckles yet, and a longer step can lose them."""
 
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
@@ -580,18 +581,6 @@ _SEARCH = """
                         d[j] = (op::sum(s[j]) - mean * N.S[j] - slope * N.q[j]) / contrast
                             + noise_f * drift[j];
                     N.solve(d);
-                    // Steps that shrink by one factor are a geometric series. Its sum is the way left.
-                    double both = 0.0, last = 0.0, length = 0.0;  // scalar products
-                    for (int j = 0; j < K; ++j) {
-                        both += d[j] * before[j]; last += before[j] * before[j]; length += d[j] * d[j];
-                    }
-                    const double factor = both / last;
-                    const bool series = ORDER > 1 && factor > SLOW && factor < SLOWEST
-                        && length - both * factor < ASIDE * ASIDE * length;
-                    for (int j = 0; j < K; ++j) {
-                        before[j] = series ? 0.0 : d[j];
-                        if (series) d[j] /= 1.0 - factor;
-                    }
                     for (int k = 0; k < 12; ++k) step[k] = 0.0;
                     step[0] = d[0]; step[1] = d[ORDER];
                     if (ORDER > 1) {
@@ -603,6 +592,18 @@ _SEARCH = """
                             step[6 + k] = d[(3 + k) % K] / (h * h);
                             step[9 + k] = d[(ORDER + 3 + k) % K] / (h * h);
                         }
+                    // Steps that shrink by one factor are a geometric series. Its sum is the way left.
+                    double both = 0.0, last = 0.0, length = 0.0;  // scalar products
+                    for (int j = 0; j < K; ++j) {
+                        both += d[j] * before[j]; last += before[j] * before[j]; length += d[j] * d[j];
+                    }
+                    const double factor = both / last;
+                    const bool series = ORDER > 1 && factor > SLOW && factor < SLOWEST
+                        && length - both * factor < ASIDE * ASIDE * length
+                        && jet::farthest(step, h) < NEAR;
+                    for (int j = 0; j < K; ++j) before[j] = series ? 0.0 : d[j];
+                    if (series)
+                        for (int k = 0; k < 12; ++k) step[k] /= 1.0 - factor;
                     ++iterations;
                     const double far = jet::farthest(step, h);
                     if (!(far < 1e3) || !jet::update(w, step)) { outcome = NOT_CONVERGED; break; }
@@ -664,7 +665,7 @@ _SEARCH = """
 def search_source(parameters: int) -> str:
     """Body of the native function for a shape function with this many parameters."""
     text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
-    text += f"    constexpr double SLOW = {SLOW}, SLOWEST = {SLOWEST}, ASIDE = {ASIDE};\n"
+    text += f"    constexpr double SLOW = {SLOW}, SLOWEST = {SLOWEST}, ASIDE = {ASIDE}, NEAR = {NEAR};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"

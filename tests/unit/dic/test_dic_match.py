@@ -118,6 +118,24 @@ def test_steps_of_a_slow_search_are_lengthened(monkeypatch):
     np.testing.assert_allclose(series.warp[both, :2], plain.warp[both, :2], atol=1e-4)
 
 
+def test_steps_from_afar_are_not_lengthened(monkeypatch):
+    """Of searches from 3.6 px away two thirds arrive. Lengthened steps would lose every seventh of them."""
+    shift, points = np.array([0.4, -0.3]), grid(40, 90, 2)
+    still_, picture = stack(still(), 2.0), stack(moved(np.eye(2), shift, noise=2.0, seed=2), 2.0)
+    start = total(np.eye(2), shift + np.array([3.0, 2.0]), points)
+    arrived = {}
+    for slowest, near in ((search_source.SLOWEST, search_source.NEAR), (0.0, 0.1), (0.9, np.finfo(float).max)):
+        monkeypatch.setattr(search_source, "SLOWEST", slowest)
+        monkeypatch.setattr(search_source, "NEAR", near)
+        launch.search_kernel.cache_clear()
+        found = correlate(still_, picture, points, start, Correlation(shape=Shape.QUADRATIC))
+        arrived[slowest, near] = int(np.sum(found.outcome == PointOutcome.VALID))
+    launch.search_kernel.cache_clear()
+    used, plain, far = arrived.values()
+    assert abs(used - plain) < 0.02 * plain
+    assert far < 0.9 * plain  # or these searches could not tell
+
+
 def test_quadratic_motion_in_closed_form():
     bend = np.array([4e-4, -3e-4, 2e-4, -2e-4, 5e-4, 3e-4])  # uxx to vyy [1/px]
 
