@@ -199,7 +199,8 @@ OF_DIAGNOSIS = {
 OF_PICTURES = {
     "slow_correlations": Switch(
         "longer steps of slow correlations", "dic.correlation.kernels.search.SLOWEST", 0.0
-    )
+    ),
+    "way_left": Switch("way left of fast correlations", "dic.correlation.kernels.search.SHRUNK", 0.0),
 }
 """Switches that are tested on pictures, by `populations.forty --off`."""
 SWITCHES = OF_SEARCH | OF_DIAGNOSIS | OF_PICTURES

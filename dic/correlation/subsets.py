@@ -96,7 +96,8 @@ class Correlation:
     max_iterations: int = 30
     """Largest number of iterations; a point that needs more ends as NOT_CONVERGED."""
     tolerance: float = 1e-3
-    """The search has converged if the last update moved every corner of the subset by at most this [px]."""
+    """The search has converged if every corner of the subset is within this of its place [px]. The way left
+    is computed from the last two steps if they shrink fast. Otherwise it counts as long as the last step."""
     least_zncc: float = 0.7
     """A point with a smaller zero-normalised cross-correlation (1 - ZNSSD/2) ends as LOW_CORRELATION."""
     least_pixels: float = 0.5

@@ -399,6 +399,9 @@ between the first two numbers, up to a rest of at most this share of its length.
 lengthened to the sum of the series. Such searches would converge slowly or be stopped. A search for a
 translation alone converges fast. A step that moves a corner of the subset by this far or farther [px] is not
 lengthened: the search has not found its speckles yet, and a longer step can lose them."""
+SHRUNK, SAFE = 0.3, 2.0
+"""If a step is at most the first number times the last one, the search converges fast. The way left is then
+the sum of a geometric series, times the second number. Steps later shrink by less than the first ones."""
 
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
@@ -606,18 +609,22 @@ _SEARCH = """
                         for (int k = 0; k < 12; ++k) step[k] /= 1.0 - factor;
                     ++iterations;
                     const double far = jet::farthest(step, h);
+                    // Steps that shrink by one factor q leave q / (1 - q) times the last one.
+                    const double shrunk = sqrt(length / last);
+                    const double way = !series && shrunk <= SHRUNK ? SAFE * shrunk / (1.0 - shrunk) : 1.0;
+                    const double left = way * far;
                     if (!(far < 1e3) || !jet::update(w, step)) { outcome = NOT_CONVERGED; break; }
                     const double ago = earlier[iterations % PACE];
                     if (far < least) least = far;
                     earlier[iterations % PACE] = least;
                     // At the pace of the last updates twice as many as are left would not do.
-                    if (!(far < job.tolerance) && iterations > PACE
+                    if (!(left < job.tolerance) && iterations > PACE
                         && wp::log(least / job.tolerance) * PACE
                             > 2.0 * (job.max_iterations - iterations) * wp::log(ago / least)) {
                         outcome = NOT_CONVERGED;
                         break;
                     }
-                    if (far < job.tolerance) {
+                    if (left < job.tolerance) {
                         outcome = zncc < job.least_zncc ? LOW_CORRELATION : VALID;
                         double column[2][K];
                         for (int c = 0; c < 2; ++c) {
@@ -665,7 +672,8 @@ _SEARCH = """
 def search_source(parameters: int) -> str:
     """Body of the native function for a shape function with this many parameters."""
     text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
-    text += f"    constexpr double SLOW = {SLOW}, SLOWEST = {SLOWEST}, ASIDE = {ASIDE}, NEAR = {NEAR};\n"
+    for name in ("SLOW", "SLOWEST", "ASIDE", "NEAR", "SHRUNK", "SAFE"):
+        text += f"    constexpr double {name} = {globals()[name]};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"

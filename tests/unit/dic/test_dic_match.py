@@ -136,6 +136,29 @@ def test_steps_from_afar_are_not_lengthened(monkeypatch):
     assert far < 0.9 * plain  # or these searches could not tell
 
 
+def test_the_way_left_is_within_the_tolerance(monkeypatch):
+    """Steps that shrink fast say how far the search is from its end: it needs a step less, and stays near."""
+    noise = 10.0 * np.random.default_rng(3).normal(size=(SIDE, SIDE))
+    picture, points = stack(moved(np.eye(2), np.array([0.4, -0.3])) + noise, 10.0), grid(40, 90, 4)
+    found = {}
+    for tolerance, shrunk in ((2e-5, 0.0), (1e-3, 0.0), (1e-3, search_source.SHRUNK)):
+        monkeypatch.setattr(search_source, "SHRUNK", shrunk)
+        launch.search_kernel.cache_clear()
+        settings = Correlation(shape=Shape.QUADRATIC, tolerance=tolerance, max_iterations=100)
+        start = total(np.eye(2), np.array([0.6, -0.2]), points)
+        found[tolerance, shrunk] = correlate(stack(still()), picture, points, start, settings)
+        assert np.all(found[tolerance, shrunk].outcome == PointOutcome.VALID)
+    launch.search_kernel.cache_clear()
+    _, plain, used = found.values()
+    assert used.iterations.mean() < plain.iterations.mean() - 0.4
+    corners = 10.0 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])[:, None]
+    places = [warps.apply(points + np.zeros((4, 1, 1)), one.warp, corners) for one in found.values()]
+    left = [np.linalg.norm(one - places[0], axis=-1).max(axis=0) for one in places[1:]]
+    # Without the factor of 2 it is 1.4 times the tolerance. A search that stops a step later leaves a fifth.
+    assert np.quantile(left[1], 0.95) < 1e-3
+    assert np.quantile(left[1], 0.95) > 2.0 * np.quantile(left[0], 0.95)
+
+
 def test_quadratic_motion_in_closed_form():
     bend = np.array([4e-4, -3e-4, 2e-4, -2e-4, 5e-4, 3e-4])  # uxx to vyy [1/px]
 
