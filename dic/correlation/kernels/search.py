@@ -400,8 +400,8 @@ lengthened to the sum of the series. Such searches would converge slowly or be s
 translation alone converges fast. A step that moves a corner of the subset by this far or farther [px] is not
 lengthened: the search has not found its speckles yet, and a longer step can lose them."""
 SHRUNK, SAFE = 0.3, 2.0
-"""If a step is at most the first number times the last one, the search converges fast. The way left is then
-the sum of a geometric series, times the second number. Steps later shrink by less than the first ones."""
+"""If a step is at most the first number times the one before, the search converges fast. The way left is then
+the sum of a geometric series, times the second number, because later steps shrink by less."""
 
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
