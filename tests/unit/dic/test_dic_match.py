@@ -137,7 +137,7 @@ def test_steps_from_afar_are_not_lengthened(monkeypatch):
 
 
 def test_the_way_left_is_within_the_tolerance(monkeypatch):
-    """Steps that shrink fast say how far the search is from its end: it needs half a step less, and ends within."""
+    """A search whose steps shrink fast needs half a step less, and ends within the tolerance."""
     noise = 10.0 * np.random.default_rng(3).normal(size=(SIDE, SIDE))
     picture, points = stack(moved(np.eye(2), np.array([0.4, -0.3])) + noise, 10.0), grid(40, 90, 4)
     found = {}
