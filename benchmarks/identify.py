@@ -67,6 +67,11 @@ class Ledger:
         """Progress of `identify`."""
         self.stage = stage
 
+    @property
+    def updates(self) -> float:
+        """Element updates over those of 100 runs of the solver's problem."""
+        return sum(cost.updates for cost in self.costs.values()) / UPDATES
+
     def add(self, batch: explicit.Model, response: explicit.Response, seconds: float) -> None:
         """Add a finished batch."""
         mesh = batch.mesh

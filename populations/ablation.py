@@ -5,7 +5,8 @@ mechanisms. They are also identified with one mechanism switched off at a time. 
 uncertainty are tested on correct shots. The first column of their table gives the element updates over those
 of 100 runs of the solver's problem. The next gives the errors of m, nu and beta over their standard
 uncertainties (root mean square). Then follow the error of m and its uncertainty. The last columns count shots
-with a larger error of m than with all mechanisms, and shots with every true value within k = 2. The diagnosis
+with a larger error of m than with all mechanisms, shots with every true value within k = 2, and those of them
+that are called identified. The diagnosis
 is tested on wrong inputs, with one shot for each row of that study. Its table gives the rank of the correct
 cause. A mechanism is unnecessary if no result is significantly worse without it.
 """
@@ -22,7 +23,7 @@ from unittest.mock import patch
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.identify import UPDATES, Ledger
+from benchmarks.identify import Ledger
 from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import starts
@@ -32,6 +33,15 @@ from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
 NAMES = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
 """Free parameters and their keys in truth.json."""
+SYMBOLS = {
+    "stiffness_factor": "m",
+    "poisson": "nu",
+    "friction": "f",
+    "damping": "beta",
+    "prony_strength_1": "strength",
+    "prony_time_1": "time",
+}
+"""Parameters in the order of a table's errors, and their names there."""
 Mesh = tuple[int, int]
 
 
@@ -45,8 +55,8 @@ class Switch:
     """Dotted name of the object that is replaced."""
     value: Any = None
     """Its replacement."""
-    settings: Callable[[Settings], Settings] = lambda settings: settings
-    """Function that changes the settings, for correct shots."""
+    settings: Callable[[Any], Any] = lambda settings: settings
+    """Function that changes the settings (`Settings` or `JointSettings`), for correct shots."""
 
     def off(self) -> AbstractContextManager[Any]:
         """Context in which the mechanism is off."""
@@ -196,6 +206,22 @@ OF_DIAGNOSIS = {
     ),
 }
 """Switches that are tested on wrong inputs."""
+OF_JOINT = {
+    "scatter": Switch(
+        "the scatter between the shots", settings=lambda settings: replace(settings, scatter=False)
+    ),
+    "refined_patterns": Switch(
+        "the patterns of the path's noise on a graded mesh",
+        "kolsky.inverse.joint_search.with_refined_patterns",
+        lambda problem, found: found,
+    ),
+    "coarse_slopes": Switch(
+        "slopes of the search's mesh on the refined one", "kolsky.inverse.joint_search.COARSE_SLOPE_RUNS", 1
+    ),
+    "one_valley": Switch("all valleys but the likeliest", "kolsky.inverse.joint_search.MOST_VALLEYS", 1),
+    "half_times": Switch("half of the times of the scan", "kolsky.inverse.joint_search.TIME_LEVELS", 3),
+}
+"""Switches that are tested on several shots, by `populations.joint_coverage --off`."""
 OF_PICTURES = {
     "slow_correlations": Switch(
         "longer steps of slow correlations", "dic.correlation.kernels.search.SLOWEST", 0.0
@@ -203,7 +229,7 @@ OF_PICTURES = {
     "way_left": Switch("way left of fast correlations", "dic.correlation.kernels.search.SHRUNK", 0.0),
 }
 """Switches that are tested on pictures, by `populations.forty --off`."""
-SWITCHES = OF_SEARCH | OF_DIAGNOSIS | OF_PICTURES
+SWITCHES = OF_SEARCH | OF_DIAGNOSIS | OF_JOINT | OF_PICTURES
 
 
 def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dict[str, Any]:
@@ -224,7 +250,7 @@ def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dic
     return {
         "shot": shot.name,
         "switch": name,
-        "updates": sum(cost.updates for cost in ledger.costs.values()) / UPDATES,
+        "updates": ledger.updates,
         "said": said,
         "identified": found.estimates["stiffness_factor"].outcome.identified,
         "causes": [cause.key for cause in found.causes if cause.named],
@@ -241,7 +267,7 @@ def diagnose(job: Job, name: str) -> dict[str, Any]:
         "shot": job.shot.name,
         "switch": name,
         "row": job.row,
-        "updates": sum(cost.updates for cost in ledger.costs.values()) / UPDATES,
+        "updates": ledger.updates,
         **({"broke": said["broke"]} if "broke" in said else {"end": judged(row, said)}),
     }
 
@@ -253,30 +279,31 @@ def _chance(worse: int, of: int) -> str:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Markdown table with one row for each switch that is tested on correct shots."""
-    heads = ("off", "shots", "updates", "error over u: m, nu, beta", "error of m", "U of m", "larger error")
+    keys = [key for key in SYMBOLS if any(key in row.get("said", {}) for row in rows)]
+    words = f"error over u: {', '.join(SYMBOLS[key] for key in keys)}"
+    heads = ("off", "shots", "updates", words, "error of m", "U of m", "larger error", "inside", "right")
     lines: list[tuple[Any, ...]] = []
     errors: dict[str, dict[str, float]] = {}
-    for name, switch in OF_SEARCH.items():
+    for name, switch in (OF_SEARCH | OF_JOINT).items():
         mine = [row for row in rows if row["switch"] == name]
         whole = [row for row in mine if "broke" not in row]
         if not whole:
             continue
-        z = {key: np.array([_z(row, key) for row in whole if key in row["said"]]) for key in NAMES}
+        z = {key: np.array([_z(row, key) for row in whole if key in row["said"]]) for key in keys}
         m = [row["said"]["stiffness_factor"] for row in whole]
         error = np.array([one["value"] / one["truth"] - 1.0 for one in m])
         errors[name] = dict(zip([row["shot"] for row in whole], np.abs(error).tolist(), strict=True))
         pairs = [(errors[name][k], errors["all"][k]) for k in errors[name] if k in errors.get("all", {})]
         unequal = [(a, b) for a, b in pairs if abs(a - b) > ROUNDING]
         worse = sum(a > b for a, b in unequal)
-        right = sum(
-            row["identified"] and all(abs(_z(row, key)) <= 2.0 for key in row["said"]) for row in whole
-        )
-        said = ", ".join(f"{np.sqrt((z[key] ** 2).mean()):.2f}" if len(z[key]) else "-" for key in NAMES)
+        inside = [all(abs(_z(row, key)) <= 2.0 for key in row["said"]) for row in whole]
+        right = sum(held and row["identified"] for held, row in zip(inside, whole, strict=True))
+        said = ", ".join(f"{np.sqrt((z[key] ** 2).mean()):.2f}" if len(z[key]) else "-" for key in keys)
         percent = f"{100 * np.sqrt((error**2).mean()):.3f} %"
         U = f"{200 * np.median([one['sigma'] / one['truth'] for one in m]):.3f} %"
         larger = f"{worse} of {len(unequal)} ({_chance(worse, len(unequal))})"
-        lines.append((switch.words, len(mine), _updates(whole), said, percent, U, larger, right))
-    return markdown((*heads, "right"), lines)
+        lines.append((switch.words, len(mine), _updates(whole), said, percent, U, larger, sum(inside), right))
+    return markdown(heads, lines)
 
 
 ROUNDING = 1e-6

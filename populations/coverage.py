@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest
 
+from benchmarks.identify import Ledger
 from kolsky.identification import identify
 from kolsky.inverse.result import Verdict
 from populations import coverage_problem as problem
@@ -63,8 +64,8 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
     `sigma` is the combined standard uncertainty, `correction` the extrapolation to an infinitely fine mesh,
     `parts` the standard uncertainties by source, `routes` value and standard uncertainty from the force only
     and from the outline only, `profile` the 95 % interval of the profile likelihood on the refined mesh,
-    `outcome` the verdicts or the reason for a missing answer, whose numbers are NaN, and `figures` the
-    results of the search.
+    `outcome` the verdicts or the reason for a missing answer, whose numbers are NaN, `figures` the results of
+    the search, and `updates` its element updates over those of the solver's problem.
     """
     started = time.perf_counter()
     setup, truth = problem.drawn(number, study.seed)
@@ -83,9 +84,10 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
         "warnings": [],
         "figures": {},
     }
+    switch, ledger = OF_SEARCH[study.off], Ledger()
     try:
-        with OF_SEARCH[study.off].off():
-            result = identify(shot, asked)
+        with switch.off(), ledger.watching():
+            result = identify(shot, switch.settings(asked))
     except ValueError as error:
         return {**said, "outcome": str(error), "seconds": time.perf_counter() - started}
     e = result.estimates
@@ -104,6 +106,7 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
         "outcome": "; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
         "warnings": list(result.warnings),
         "figures": dict(result.surrogate),
+        "updates": ledger.updates,
         "seconds": time.perf_counter() - started,
     }
 

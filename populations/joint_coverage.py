@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.identify import Ledger
 from explicit.relaxation import PronySeries
 from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.settings import JointSettings
@@ -34,8 +35,10 @@ from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
 from populations import driver
+from populations.ablation import OF_JOINT, OF_SEARCH
 from populations.coverage import ANSWERS, Each
 
+SWITCHES = OF_SEARCH | OF_JOINT
 SHOTS = 3
 SLOW_SIGMA = 50.0
 """Noise of the relaxation test [Pa]: 0.5 % of its stress."""
@@ -81,6 +84,8 @@ class Study(driver.TruthStudy):
     A uniform mesh with the same number of elements has twice the error (docs/validation/coverage.md)."""
     truth_element: str = "middle"
     """Element of the truth: F-bar elements alone have an error as large as the uncertainty of three shots."""
+    off: str = "all"
+    """Mechanism that is switched off, a name of `SWITCHES`; "all": none."""
 
 
 def truth(study: Study, number: int) -> dict[str, float]:
@@ -137,10 +142,12 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
     shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
     asked = driver.settings(study, JointSettings, seed=study.seed + number)
     said: dict[str, Any] = {"number": number, "truth": true, "elastic": study.elastic}
+    switch, ledger = SWITCHES[study.off], Ledger()
     try:
         slow = (relaxation_test(study, true, number),) if study.slow else ()
-        found = identify_shots(shots, asked, slow=slow, ledger=place / "joint.sqlite")
-        said |= {"found": to_json(found), "error": ""}
+        with switch.off(), ledger.watching():
+            found = identify_shots(shots, switch.settings(asked), slow=slow, ledger=place / "joint.sqlite")
+        said |= {"found": to_json(found), "error": "", "updates": ledger.updates}
     except ValueError as error:
         said |= {"found": None, "error": str(error)}
     said["seconds"] = time.perf_counter() - started
@@ -275,6 +282,7 @@ def main() -> None:
     """Run or continue a study and write its summary."""
     parser = driver.command(__doc__, seed=1, table=table)
     driver.add_meshes(parser, truth=Study.truth_mesh)
+    parser.add_argument("--off", choices=SWITCHES, default="all", help="mechanism that is switched off")
     parser.add_argument("--draws", type=int, default=50)
     parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the draws")
     parser.add_argument("--elastic", action="store_true", help="nothing relaxes: the control")

@@ -40,13 +40,13 @@ def right(shot: str, switch: str, m: float, identified: bool = True) -> dict[str
 
 def test_right_shots_without_a_mechanism_by_hand() -> None:
     """Errors 1, -1.9 and 2.1 % against 0.5, -1.9 and 1 %: both that differ are larger, by chance 1/4."""
-    rows = [right("a", "all", 1.005), right("b", "all", 0.981), right("c", "all", 1.01)]
+    rows = [right("a", "all", 1.005), right("b", "all", 0.981), right("c", "all", 1.01, False)]
     rows += [right("a", "halfway", 1.01), right("b", "halfway", 0.981), right("c", "halfway", 1.021)]
     rows += [{"shot": "a", "switch": "held", "broke": "no run"}]
     first, second = table(rows).splitlines()[2:]
-    assert first.endswith("| 0 of 0 (-) | 3 |")
+    assert first.endswith("| 0 of 0 (-) | 3 | 2 |")
     # Root mean square of 1, 1.9 and 2.1: 1.734; the third is beyond k = 2.
-    assert "| 3 | 2.0 | 1.73, -, - | 1.734 % | 2.000 % | 2 of 2 (0.25) | 2 |" in second
+    assert "| 3 | 2.0 | 1.73 | 1.734 % | 2.000 % | 2 of 2 (0.25) | 2 | 2 |" in second
 
 
 def test_wrong_inputs_without_a_mechanism_by_hand() -> None:
