@@ -10,10 +10,11 @@ Each line gives batches, runs, element updates and processor time of one stage a
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process,
 before and after the part; "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky
 identify` of a shot with pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start
-and imports included. The first run of a part or command may compile and does not count. Of a command, the
-median ratio of `ROUNDS` runs counts. With `--threads N` these commands run on N cores of a Linux machine, as
-the unit does. Two threads of one core would each take more processor time. Ratios depend less on the machine
-than times do; run nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times.
+and imports included. The part "start" is a program that only loads their libraries and starts the device. The
+first run of a part or command may compile and does not count. Of a command, the median ratio of `ROUNDS` runs
+counts. With `--threads N` these commands run on N cores of a Linux machine, as the unit does. Two threads of
+one core would each take more processor time. Ratios depend less on the machine than times do; run nothing
+else at the same time. On a GPU (`--device cuda`) the figures are wall times.
 `--target-cpu haswell` compiles the kernels without AVX-512, as on a processor that lacks it.
 """
 
@@ -152,14 +153,14 @@ def measure(shot: Shot, part: str, numerics: Numerics) -> dict[str, Any]:
 
 
 def commands(pictures: Path | None, specimen: Path | None, device: str) -> dict[str, list[str]]:
-    """Arguments of the commands that are measured as a whole."""
+    """Arguments of the commands that are measured as a whole. Without arguments, only the libraries start."""
     found: dict[str, list[str]] = {}
     if pictures is not None:
         on = ["--device", device]
         found |= {"dic": ["dic", str(pictures), *on], "pictures": ["identify", str(pictures), *on]}
     if specimen is not None:
         found["specimen"] = ["specimen", "fit", str(specimen)]
-    return found
+    return {"start": [], **found} if found else {}
 
 
 @contextmanager
@@ -187,13 +188,22 @@ for module in (dic.correlation.kernels.launch, explicit.simd.kernel):
 """Code that makes the kernels for a chosen processor."""
 
 
-def whole(arguments: list[str], cpu: str | None) -> dict[str, float]:
-    """Processor time of a command and its processes and its wall time [s], into an empty folder. ``cpu``:
-    processor of the kernels; None: this one."""
+START = """
+import numpy, scipy.linalg, scipy.ndimage, scipy.optimize, cv2, h5py, pydantic, matplotlib.figure, warp
+warp.init()
+warp.zeros(1, device={device!r})
+"""
+"""Code that loads the libraries of a command and starts the device."""
+
+
+def whole(arguments: list[str], cpu: str | None, device: str) -> dict[str, float]:
+    """Processor time of a command and its processes and its wall time [s], into an empty folder. Without
+    arguments, of `START`. ``cpu``: processor of the kernels; None: this one."""
     first = COMPILE_FOR.format(cpu=cpu) if cpu else ""
     out = tempfile.mkdtemp()
     before, begun = os.times(), time.perf_counter()
-    line = [sys.executable, "-c", f"{first}from kolsky.cli import main; main()", *arguments, "--out", out]
+    code = f"{first}from kolsky.cli import main; main()" if arguments else START.format(device=device)
+    line = [sys.executable, "-c", code, *arguments, "--out", out]
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
     after, wall = os.times(), time.perf_counter() - begun
     shutil.rmtree(out)
@@ -222,6 +232,7 @@ WORDS = {
     "free": "m, ν, β",
     "held": "m",
     "wrong": "m, ν, β, a wrong input",
+    "start": "nothing; only Python, its libraries and the device start",
     "dic": "`kolsky dic`",
     "pictures": "from pictures, m, ν, β",
     "specimen": "`kolsky specimen fit`",
@@ -301,7 +312,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rounds = []
         for k in range(1 + ROUNDS):
             with cores(given.threads):
-                add(part, whole(line, given.target_cpu))
+                add(part, whole(line, given.target_cpu, given.device))
             if k:  # the first run compiles
                 rounds.append(said[part])
         said[part] = sorted(rounds, key=lambda one: one["seconds"] / one.get("unit", 1.0))[ROUNDS // 2]

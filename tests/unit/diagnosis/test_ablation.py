@@ -1,10 +1,13 @@
 """Counts of the study of mechanisms by hand; every switch replaces an existing object."""
 
 import importlib
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from populations import ablation_studies
 from populations.ablation import SWITCHES, diagnosis_table, table
 
 
@@ -62,3 +65,47 @@ def test_wrong_inputs_without_a_mechanism_by_hand() -> None:
     first, second = diagnosis_table(rows).splitlines()[2:]
     assert first.endswith("| 5 | 3.0 | 2 of 4 | 3 | 0 | 0, 0 |")
     assert second.endswith("| 5 | 3.0 | 2 of 4 | 3 | 1 | 1, 1 |")
+
+
+def test_rows_of_a_study_of_single_shots(tmp_path: Path) -> None:
+    """Of two answers one is missing; the file of the study is no answer."""
+    truth = {"stiffness_factor": 1.0, "friction": 0.3}
+    one = {
+        "number": 0, "truth": truth, "updates": 4.0, "outcome": "identified",
+        "value": {"stiffness_factor": 1.01, "friction": 0.32},
+        "sigma": {"stiffness_factor": 0.01, "friction": 0.01},
+    }  # fmt: skip
+    lost = {"number": 1, "truth": truth, "outcome": "no run completes"}
+    (tmp_path / "study.json").write_text(json.dumps({"off": "balanced"}))
+    (tmp_path / "answer-0000.json").write_text(json.dumps(one))
+    (tmp_path / "answer-0001.json").write_text(json.dumps(lost))
+    first, second = ablation_studies.rows_of(tmp_path)
+    assert first["said"]["friction"] == {"value": 0.32, "sigma": 0.01, "truth": 0.3}
+    assert first["identified"]
+    assert second == {"shot": "1", "switch": "balanced", "broke": "no run completes"}
+    assert "| 2 | 4.0 | 1.00, 2.00 | 1.000 % | 2.000 % |" in table([first, second]).splitlines()[2]
+
+
+def test_rows_of_a_study_of_several_shots() -> None:
+    estimate = {"value": 0.4, "sigma": 0.1, "outcome": "identified"}
+    at_bound = estimate | {"outcome": "only if the parameter at its bound is right"}
+    truth = {"prony_strength_1": 0.5}
+    found = {"found": {"estimates": {"prony_strength_1": estimate}}, "truth": truth, "updates": 9.0}
+    row = ablation_studies.joint(found)
+    assert row == {
+        "updates": 9.0,
+        "said": {"prony_strength_1": {"value": 0.4, "sigma": 0.1, "truth": 0.5}},
+        "identified": True,
+    }
+    found["found"] = {"estimates": {"prony_strength_1": at_bound}}
+    assert not ablation_studies.joint(found)["identified"]
+    assert ablation_studies.joint({"found": None, "error": "no run"}) == {"broke": "no run"}
+
+
+def test_studies_with_other_settings_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, seed in (("all", 1), ("balanced", 2)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "study.json").write_text(json.dumps({"off": name, "seed": seed}))
+    monkeypatch.setattr("sys.argv", ["", str(tmp_path / "all"), str(tmp_path / "balanced")])
+    with pytest.raises(SystemExit, match="different studies"):
+        ablation_studies.main()
